@@ -1,0 +1,3 @@
+//! Finding edges and drawing them into the edge-and-point image.
+
+pub mod crossings;

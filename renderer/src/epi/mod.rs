@@ -1,0 +1,3 @@
+//! The edge-and-point image.
+
+pub mod grid;

@@ -1,0 +1,13 @@
+//! The display: draws sharp pictures from sparsely shaded points and analytically found edges.
+//!
+//! A frame runs one way: samples are drained into [`points`], projected, [`edges`] are found and rasterised, [`epi`]
+//! classifies pixels and finds what is reachable, [`filters`] reconstruct colours, [`sampling`] says what to ask for
+//! next. None of these stages knows of sockets: [`link`] does.
+
+pub mod camera;
+pub mod edges;
+pub mod epi;
+pub mod filters;
+pub mod link;
+pub mod points;
+pub mod sampling;
