@@ -68,7 +68,10 @@ impl View {
     /// View-space point to image space: (x px, y px). Depth must be positive.
     pub fn view_to_image(&self, view: Vec3) -> (f32, f32) {
         let s = self.focal_px / view.z;
-        (self.width as f32 * 0.5 + view.x * s, self.height as f32 * 0.5 - view.y * s)
+        (
+            self.width as f32 * 0.5 + view.x * s,
+            self.height as f32 * 0.5 - view.y * s,
+        )
     }
 
     /// World point to (x px, y px, depth m), or nothing where it lies in or behind the plane of the eye.

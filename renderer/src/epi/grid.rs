@@ -24,7 +24,13 @@ impl Grid {
     pub fn new(width: usize, height: usize) -> Self {
         let words = width.div_ceil(64).max(1);
         let stride = words * 64;
-        Self { width, height, words, stride, origin: 2 * stride + 64 }
+        Self {
+            width,
+            height,
+            words,
+            stride,
+            origin: 2 * stride + 64,
+        }
     }
 
     /// Elements in an element array.

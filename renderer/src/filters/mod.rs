@@ -1,1 +1,4 @@
-//! filters
+//! Reconstruction: colours for pixels from the samples that they can reach, in linear radiance.
+
+pub mod interpolate;
+pub mod taps;

@@ -1,0 +1,247 @@
+//! Constrained interpolation: each pixel's primary region from the reachable samples of its 5x5 neighbourhood
+//! (paper section 5.3).
+//!
+//! Two methods. [`Method::FixedWeights`] is the paper's: a weight an offset, renormalised over what is reachable (the
+//! paper's own weights are in a lost figure; any sharply peaked set does). [`Method::LinearFit`] knows where in its
+//! pixel each sample lies and fits a plane to them.
+
+use fearless_simd::{Level, dispatch, prelude::*};
+use fearless_simd_macros::simd;
+
+use super::taps::{OFFSETS, Reach, Taps, taps};
+use crate::epi::grid::Grid;
+use crate::points::PixelSamples;
+
+/// How samples become a colour.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Method {
+    /// The paper's: weights by pixel distance alone.
+    FixedWeights,
+    /// Weighted least-squares plane through the samples at their true places, clamped to their range.
+    #[default]
+    LinearFit,
+}
+
+/// Weight of a sample at squared distance `d2` pixels²: (1/4 + d²)⁻³, sharply peaked.
+#[inline]
+pub fn weight(d2: f32) -> f32 {
+    let q = 0.25 + d2;
+    1.0 / (q * q * q)
+}
+
+/// Share of the weight sum added to the fit's slope terms, pixels²: keeps few or collinear samples from tilting it.
+pub const SLOPE_RIDGE: f32 = 0.01;
+
+/// What interpolation reads.
+pub struct Inputs<'a, R> {
+    /// Samples a pixel.
+    pub samples: &'a PixelSamples,
+    /// Which primary regions reach which.
+    pub reach: &'a R,
+    /// Plane of complex pixels.
+    pub complex: &'a [u64],
+    /// Where in its pixel each primary region's middle lies, x, by [`Grid`]: where the colour is wanted.
+    pub centre_x: &'a [f32],
+    /// The same, y.
+    pub centre_y: &'a [f32],
+}
+
+/// Colours and how well they are founded, by [`Grid`].
+#[derive(Clone, Debug)]
+pub struct Interpolated {
+    /// Linear radiance of primary regions.
+    pub rgb: [Vec<f32>; 3],
+    /// Sum of weights before renormalising.
+    pub weight: Vec<f32>,
+    /// Plane: fewer than [`super::taps::ENOUGH`] samples were reachable.
+    pub starved: Vec<u64>,
+    /// Plane: no sample was reachable; the colour is 0.
+    pub bare: Vec<u64>,
+}
+
+impl Interpolated {
+    /// Room for an image of this layout.
+    pub fn new(grid: Grid) -> Self {
+        let plane = || vec![0.0; grid.elements()];
+        Self {
+            rgb: [plane(), plane(), plane()],
+            weight: plane(),
+            starved: vec![0; grid.plane_words()],
+            bare: vec![0; grid.plane_words()],
+        }
+    }
+}
+
+/// Reconstructs every pixel's primary region. Results do not depend on `level`.
+pub fn interpolate<R: Reach>(
+    level: Level,
+    method: Method,
+    inputs: &Inputs<'_, R>,
+    out: &mut Interpolated,
+) {
+    let grid = inputs.samples.grid;
+    for y in 0..grid.height {
+        for word in 0..grid.words {
+            let valid = grid.valid(word);
+            // The outer ring adds little where the inner nine are enough, and weights of the paper's kind want it all.
+            let stop_early = method == Method::LinearFit;
+            let words = grid.words;
+            let has = &inputs.samples.has;
+            let taps = taps(
+                inputs.reach,
+                has,
+                inputs.complex,
+                words,
+                (word, y),
+                stop_early,
+            );
+            out.starved[y * words + word] = !taps.enough & valid;
+            out.bare[y * words + word] = taps.none & valid;
+            let first = grid.at(word * 64, y);
+            match method {
+                Method::LinearFit => {
+                    dispatch!(level, simd => fit_word(simd, inputs, &taps, first, out))
+                }
+                Method::FixedWeights => {
+                    dispatch!(level, simd => fixed_word(simd, inputs.samples, &taps, first, out));
+                }
+            }
+        }
+    }
+}
+
+/// Sums of a weighted linear fit c ≈ a + b·x + c·y.
+struct Sums<V> {
+    w: V,
+    x: V,
+    y: V,
+    xx: V,
+    xy: V,
+    yy: V,
+    c: [V; 3],
+    cx: [V; 3],
+    cy: [V; 3],
+    low: [V; 3],
+    high: [V; 3],
+}
+
+#[simd]
+fn fit_word<S: Simd, R: Reach>(
+    simd: S,
+    inputs: &Inputs<'_, R>,
+    taps: &Taps,
+    first: usize,
+    out: &mut Interpolated,
+) {
+    let lanes = S::f32s::LEN;
+    let samples = inputs.samples;
+    let stride = samples.grid.stride;
+    let splat = |v: f32| S::f32s::splat(simd, v);
+    let zero = splat(0.0);
+    for group in (0..64).step_by(lanes) {
+        let at = first + group;
+        let lane_bits = if lanes == 64 { !0 } else { (1u64 << lanes) - 1 };
+        let centre_x = S::f32s::from_slice(simd, &inputs.centre_x[at..at + lanes]);
+        let centre_y = S::f32s::from_slice(simd, &inputs.centre_y[at..at + lanes]);
+        let mut s = Sums {
+            w: zero,
+            x: zero,
+            y: zero,
+            xx: zero,
+            xy: zero,
+            yy: zero,
+            c: [zero; 3],
+            cx: [zero; 3],
+            cy: [zero; 3],
+            low: [splat(f32::INFINITY); 3],
+            high: [splat(f32::NEG_INFINITY); 3],
+        };
+        for (mask, &(dx, dy)) in taps.masks.iter().zip(&OFFSETS) {
+            let bits = mask >> group & lane_bits;
+            if bits == 0 {
+                continue;
+            }
+            let from = (at as isize + dy as isize * stride as isize + dx as isize) as usize;
+            let load = |plane: &[f32]| S::f32s::from_slice(simd, &plane[from..from + lanes]);
+            let used = S::mask32s::from_bitmask(simd, bits);
+            let x = load(&samples.x) + splat(dx as f32) - centre_x;
+            let y = load(&samples.y) + splat(dy as f32) - centre_y;
+            let q = splat(0.25) + x * x + y * y;
+            let w = used.select(load(&samples.count) / (q * q * q), zero);
+            let (wx, wy) = (w * x, w * y);
+            s.w += w;
+            s.x += wx;
+            s.y += wy;
+            s.xx += wx * x;
+            s.xy += wx * y;
+            s.yy += wy * y;
+            for k in 0..3 {
+                let c = load(&samples.rgb[k]);
+                s.c[k] += w * c;
+                s.cx[k] += wx * c;
+                s.cy[k] += wy * c;
+                s.low[k] = used.select(s.low[k].min(c), s.low[k]);
+                s.high[k] = used.select(s.high[k].max(c), s.high[k]);
+            }
+        }
+        s.w.store_slice(&mut out.weight[at..at + lanes]);
+        let some = s.w.simd_gt(zero);
+        let inv = splat(1.0) / some.select(s.w, splat(1.0));
+        // Normal equations scaled to a weight sum of 1, solved for the value at the origin by cofactors.
+        let (x, y, xy) = (s.x * inv, s.y * inv, s.xy * inv);
+        let xx = s.xx * inv + splat(SLOPE_RIDGE);
+        let yy = s.yy * inv + splat(SLOPE_RIDGE);
+        let k0 = xx * yy - xy * xy;
+        let kx = y * xy - x * yy;
+        let ky = x * xy - y * xx;
+        let scale = inv / (k0 + x * kx + y * ky);
+        for k in 0..3 {
+            let value = (k0 * s.c[k] + kx * s.cx[k] + ky * s.cy[k]) * scale;
+            let value = value.max(s.low[k]).min(s.high[k]);
+            some.select(value, zero)
+                .store_slice(&mut out.rgb[k][at..at + lanes]);
+        }
+    }
+}
+
+#[simd]
+fn fixed_word<S: Simd>(
+    simd: S,
+    samples: &PixelSamples,
+    taps: &Taps,
+    first: usize,
+    out: &mut Interpolated,
+) {
+    let lanes = S::f32s::LEN;
+    let stride = samples.grid.stride;
+    let zero = S::f32s::splat(simd, 0.0);
+    for group in (0..64).step_by(lanes) {
+        let at = first + group;
+        let lane_bits = if lanes == 64 { !0 } else { (1u64 << lanes) - 1 };
+        let mut sum = zero;
+        let mut c = [zero; 3];
+        for (mask, &(dx, dy)) in taps.masks.iter().zip(&OFFSETS) {
+            let bits = mask >> group & lane_bits;
+            if bits == 0 {
+                continue;
+            }
+            let from = (at as isize + dy as isize * stride as isize + dx as isize) as usize;
+            let used = S::mask32s::from_bitmask(simd, bits);
+            let w = used.select(
+                S::f32s::splat(simd, weight((dx * dx + dy * dy) as f32)),
+                zero,
+            );
+            sum += w;
+            for k in 0..3 {
+                c[k] += w * S::f32s::from_slice(simd, &samples.rgb[k][from..from + lanes]);
+            }
+        }
+        sum.store_slice(&mut out.weight[at..at + lanes]);
+        let some = sum.simd_gt(zero);
+        let inv = S::f32s::splat(simd, 1.0) / some.select(sum, S::f32s::splat(simd, 1.0));
+        for k in 0..3 {
+            some.select(c[k] * inv, zero)
+                .store_slice(&mut out.rgb[k][at..at + lanes]);
+        }
+    }
+}

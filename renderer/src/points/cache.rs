@@ -1,0 +1,199 @@
+//! The point cache: a fixed number of recent samples as coloured points in the scene (Render Cache; paper section 4.3).
+
+use glam::Vec3;
+use protocol::messages::{Sample, flags};
+
+/// What the cache holds of a point besides its place and colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct PointInfo {
+    /// Object index as the server named it, or light index with the light flag.
+    pub object: u32,
+    /// Bits of [`protocol::messages::flags`].
+    pub flags: u32,
+}
+
+/// Points as structure of arrays. A slot is in use if its `w` is not NaN.
+///
+/// A point at `position` has `w` = 1; one at infinity, where a ray hit nothing, has its unit direction and `w` = 0, so
+/// that `position − w·eye` is the vector to it from any eye.
+#[derive(Clone, Debug)]
+pub struct PointCache {
+    /// World position or direction.
+    pub position: [Vec<f32>; 3],
+    /// 1, 0 at infinity, NaN in an empty slot.
+    pub w: Vec<f32>,
+    /// Linear radiance.
+    pub rgb: [Vec<f32>; 3],
+    /// Object and flags.
+    pub info: Vec<PointInfo>,
+    /// Grows each frame from 0 (new) to 255 (the next to be evicted).
+    pub age: Vec<u8>,
+    free: Vec<u32>,
+    hand: usize,
+    used: usize,
+    evicted: u64,
+}
+
+impl PointCache {
+    /// An empty cache of fixed size.
+    pub fn new(capacity: usize) -> Self {
+        let plane = || vec![0.0; capacity];
+        Self {
+            position: [plane(), plane(), plane()],
+            w: vec![f32::NAN; capacity],
+            rgb: [plane(), plane(), plane()],
+            info: vec![
+                PointInfo {
+                    object: 0,
+                    flags: 0
+                };
+                capacity
+            ],
+            age: vec![0; capacity],
+            free: (0..capacity as u32).rev().collect(),
+            hand: 0,
+            used: 0,
+            evicted: 0,
+        }
+    }
+
+    /// Slots in all.
+    pub fn capacity(&self) -> usize {
+        self.w.len()
+    }
+
+    /// Slots in use.
+    pub fn len(&self) -> usize {
+        self.used
+    }
+
+    /// Whether no slot is in use.
+    pub fn is_empty(&self) -> bool {
+        self.used == 0
+    }
+
+    /// Points thrown out for newer ones since the start.
+    pub fn evicted(&self) -> u64 {
+        self.evicted
+    }
+
+    /// Forgets every point.
+    pub fn clear(&mut self) {
+        self.w.fill(f32::NAN);
+        self.free.clear();
+        self.free.extend((0..self.w.len() as u32).rev());
+        self.used = 0;
+    }
+
+    /// Puts a sample into `replaced` if given, else into a free slot, else into that of an old point; gives the slot, or
+    /// nothing where the cache has no slots at all.
+    pub fn insert(&mut self, sample: &Sample, replaced: Option<u32>) -> Option<u32> {
+        let slot = match replaced.filter(|&p| !self.w[p as usize].is_nan()) {
+            Some(point) => point,
+            None => self.take_slot()?,
+        };
+        let i = slot as usize;
+        for axis in 0..3 {
+            self.position[axis][i] = sample.position[axis];
+            self.rgb[axis][i] = sample.radiance[axis];
+        }
+        self.w[i] = if sample.flags & flags::MISS != 0 {
+            0.0
+        } else {
+            1.0
+        };
+        self.info[i] = PointInfo {
+            object: sample.object,
+            flags: sample.flags,
+        };
+        self.age[i] = 0;
+        Some(slot)
+    }
+
+    /// Empties a slot.
+    pub fn remove(&mut self, slot: u32) {
+        let w = &mut self.w[slot as usize];
+        if !w.is_nan() {
+            *w = f32::NAN;
+            self.free.push(slot);
+            self.used -= 1;
+        }
+    }
+
+    /// World position (or direction, if at infinity) of a point.
+    pub fn point(&self, slot: u32) -> Vec3 {
+        let i = slot as usize;
+        Vec3::new(
+            self.position[0][i],
+            self.position[1][i],
+            self.position[2][i],
+        )
+    }
+
+    fn take_slot(&mut self) -> Option<u32> {
+        if let Some(slot) = self.free.pop() {
+            self.used += 1;
+            return Some(slot);
+        }
+        // A clock hand finds the oldest among the next few slots: O(1), and never the same slot twice in a row.
+        let n = self.w.len();
+        let oldest = (0..n.min(32))
+            .map(|k| (self.hand + k) % n)
+            .max_by_key(|&i| self.age[i])?;
+        self.hand = (self.hand + 32) % n;
+        self.evicted += 1;
+        Some(oldest as u32)
+    }
+
+    /// Ages every point by one frame's worth: `visible` by `step`, the others by twice as much, so that points out of
+    /// sight are the first to go (Render Cache 2002, "Age"). Ages stop at 255.
+    pub fn grow_older(&mut self, visible: &[bool], step: u8) {
+        for (age, &seen) in self.age.iter_mut().zip(visible) {
+            *age = age.saturating_add(if seen { step } else { step.saturating_mul(2) });
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sample(id: u64) -> Sample {
+        Sample {
+            id,
+            position: [id as f32, 0.0, -1.0],
+            object: 3,
+            radiance: [1.0, 2.0, 3.0],
+            flags: 0,
+        }
+    }
+
+    #[test]
+    fn a_full_cache_gives_up_its_oldest_point() {
+        let mut cache = PointCache::new(4);
+        let slots: Vec<u32> = (0..4)
+            .filter_map(|i| cache.insert(&sample(i), None))
+            .collect();
+        assert_eq!((slots.len(), cache.len()), (4, 4));
+        cache.age.copy_from_slice(&[1, 9, 2, 3]);
+        assert_eq!(cache.insert(&sample(7), None), Some(1));
+        assert_eq!((cache.len(), cache.evicted()), (4, 1));
+        assert_eq!(cache.point(1).x, 7.0);
+    }
+
+    #[test]
+    fn a_removed_slot_is_used_again_and_ages_stop() {
+        let mut cache = PointCache::new(2);
+        let a = cache.insert(&sample(0), None).unwrap();
+        cache.insert(&sample(1), None).unwrap();
+        cache.remove(a);
+        cache.remove(a);
+        assert_eq!(cache.len(), 1);
+        assert_eq!(cache.insert(&sample(2), None), Some(a));
+        for _ in 0..300 {
+            cache.grow_older(&[true, false], 100);
+        }
+        assert_eq!(cache.age, [255, 255]);
+        assert_eq!(PointCache::new(0).insert(&sample(0), None), None);
+    }
+}

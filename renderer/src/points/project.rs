@@ -1,0 +1,157 @@
+//! Reprojection: every cached point to the pixel it falls in, the nearest one kept.
+
+use fearless_simd::{Level, dispatch, prelude::*};
+use fearless_simd_macros::simd;
+
+use super::{PixelSamples, PointCache, pixels::NO_POINT};
+use crate::camera::View;
+
+/// Depth given to points at infinity, metres: behind all else, still finite.
+pub const FAR_DEPTH: f32 = 1e30;
+
+/// Scratch of [`project`], a value a point.
+#[derive(Clone, Debug, Default)]
+pub struct Projected {
+    /// Image x, pixels.
+    pub x: Vec<f32>,
+    /// Image y, pixels.
+    pub y: Vec<f32>,
+    /// Depth along the line of sight, metres; negative where the point is not in the image.
+    pub depth: Vec<f32>,
+}
+
+impl Projected {
+    /// Room for this many points.
+    pub fn new(points: usize) -> Self {
+        let plane = vec![0.0; points.next_multiple_of(16)];
+        Self {
+            x: plane.clone(),
+            y: plane.clone(),
+            depth: plane,
+        }
+    }
+
+    /// Whether a point falls in the image.
+    pub fn inside(&self, point: usize) -> bool {
+        self.depth[point] > 0.0
+    }
+}
+
+/// Projects all points of the cache and leaves in each pixel of `pixels` the nearest of those that fall in it; of equally
+/// near ones the one in the lower slot. `level` chooses the instruction set; results do not depend on it.
+pub fn project(
+    level: Level,
+    cache: &PointCache,
+    view: &View,
+    projected: &mut Projected,
+    pixels: &mut PixelSamples,
+) {
+    dispatch!(level, simd => project_all(simd, cache, view, projected));
+    scatter(cache, view, projected, pixels);
+}
+
+#[simd]
+fn project_all<S: Simd>(simd: S, cache: &PointCache, view: &View, out: &mut Projected) {
+    let lanes = S::f32s::LEN;
+    let points = cache.capacity();
+    let whole = points - points % lanes;
+    let splat = |v: f32| S::f32s::splat(simd, v);
+    let eye = view.eye.to_array().map(splat);
+    let rows = [view.right, view.up, view.forward].map(|v| v.to_array().map(splat));
+    let focal = splat(view.focal_px);
+    let (cx, cy) = (
+        splat(view.width as f32 * 0.5),
+        splat(view.height as f32 * 0.5),
+    );
+    let (w_px, h_px) = (splat(view.width as f32), splat(view.height as f32));
+    let zero = splat(0.0);
+    for i in (0..whole).step_by(lanes) {
+        let load = |plane: &[f32]| S::f32s::from_slice(simd, &plane[i..i + lanes]);
+        let w = load(&cache.w);
+        let d: [S::f32s; 3] = std::array::from_fn(|a| load(&cache.position[a]) - w * eye[a]);
+        let dot = |r: &[S::f32s; 3]| r[0] * d[0] + r[1] * d[1] + r[2] * d[2];
+        let depth = dot(&rows[2]);
+        let scale = focal / depth;
+        let x = cx + dot(&rows[0]) * scale;
+        let y = cy - dot(&rows[1]) * scale;
+        let depth = w
+            .simd_gt(zero)
+            .select(depth, splat(FAR_DEPTH) * depth.min(splat(1.0)));
+        let inside = depth.simd_gt(zero)
+            & x.simd_ge(zero)
+            & x.simd_lt(w_px)
+            & y.simd_ge(zero)
+            & y.simd_lt(h_px)
+            & w.simd_ge(zero);
+        x.store_slice(&mut out.x[i..i + lanes]);
+        y.store_slice(&mut out.y[i..i + lanes]);
+        inside
+            .select(depth, splat(-1.0))
+            .store_slice(&mut out.depth[i..i + lanes]);
+    }
+    for i in whole..points {
+        project_one(cache, view, i, out);
+    }
+}
+
+/// The plain path: one point, the same operations in the same order.
+fn project_one(cache: &PointCache, view: &View, i: usize, out: &mut Projected) {
+    let w = cache.w[i];
+    let eye = view.eye.to_array();
+    let d: [f32; 3] = std::array::from_fn(|a| cache.position[a][i] - w * eye[a]);
+    let dot = |r: glam::Vec3| r.x * d[0] + r.y * d[1] + r.z * d[2];
+    let depth = dot(view.forward);
+    let scale = view.focal_px / depth;
+    let x = view.width as f32 * 0.5 + dot(view.right) * scale;
+    let y = view.height as f32 * 0.5 - dot(view.up) * scale;
+    let depth = if w > 0.0 {
+        depth
+    } else {
+        FAR_DEPTH * depth.min(1.0)
+    };
+    let inside = depth > 0.0
+        && x >= 0.0
+        && x < view.width as f32
+        && y >= 0.0
+        && y < view.height as f32
+        && w >= 0.0;
+    out.x[i] = x;
+    out.y[i] = y;
+    out.depth[i] = if inside { depth } else { -1.0 };
+}
+
+fn scatter(cache: &PointCache, view: &View, projected: &Projected, pixels: &mut PixelSamples) {
+    pixels.clear();
+    let grid = pixels.grid;
+    debug_assert!(grid.width == view.width as usize && grid.height == view.height as usize);
+    let planes = projected.x.iter().zip(&projected.y).zip(&projected.depth);
+    for (i, ((&x, &y), &depth)) in planes.take(cache.capacity()).enumerate() {
+        if depth > 0.0 {
+            let at = grid.at(x as usize, y as usize);
+            if depth < pixels.depth[at] {
+                pixels.depth[at] = depth;
+                pixels.point[at] = i as u32;
+            }
+        }
+    }
+    for y in 0..grid.height {
+        for word in 0..grid.words {
+            let mut bits = 0u64;
+            let first = grid.at(word * 64, y);
+            for k in 0..64.min(grid.width - word * 64) {
+                let point = pixels.point[first + k];
+                if point != NO_POINT {
+                    bits |= 1 << k;
+                    let (at, i) = (first + k, point as usize);
+                    pixels.x[at] = projected.x[i] - (word * 64 + k) as f32;
+                    pixels.y[at] = projected.y[i] - y as f32;
+                    pixels.count[at] = 1.0;
+                    for c in 0..3 {
+                        pixels.rgb[c][at] = cache.rgb[c][i];
+                    }
+                }
+            }
+            pixels.has[y * grid.words + word] = bits;
+        }
+    }
+}
