@@ -1,1 +1,8 @@
-//! placeholder
+//! Whole-system checks of the edge-and-point renderer: error metrics, picture comparison, the report.
+//!
+//! [`picture::Picture`] is a linear RGB image read from EXR or PNG; [`metrics`] compares two of them
+//! or two sequences; [`compare`] is the command on top.
+
+pub mod compare;
+pub mod metrics;
+pub mod picture;
