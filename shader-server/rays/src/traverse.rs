@@ -1,0 +1,249 @@
+//! One traversal for both levels and both kinds of query.
+
+use crate::{
+    Hit, Occluder, Ray,
+    kernel::{slabs, triangles},
+    mesh::TriangleMesh,
+    node::{Link, LocalRay, Tree},
+    triangle::{Block, BlockHits},
+    world::World,
+};
+
+/// A node still to be visited.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Entry {
+    node: u32,
+    near: f32,
+}
+
+/// Nodes still to be visited, shared by both levels.
+pub(crate) type Stack = Vec<Entry>;
+
+/// What is done at a tree's leaves.
+trait Leaves {
+    /// Visits one; returns whether the query is answered.
+    fn visit(&mut self, leaf: usize, t_max: &mut f32, stack: &mut Stack) -> bool;
+}
+
+/// What a query makes of hits.
+pub(crate) trait Query {
+    /// Whether nearer nodes are worth visiting first.
+    const ORDERED: bool;
+
+    /// Takes the hits of one block, shortening `t_max` if only nearer ones matter; returns whether the query is answered.
+    fn take(&mut self, instance: u32, block: &Block, hits: &BlockHits, t_max: &mut f32) -> bool;
+}
+
+/// Visits the leaves of `tree` that the ray meets no later than `t_max`, which visits may shorten.
+#[inline(always)]
+fn walk<const ORDERED: bool>(
+    tree: &Tree,
+    ray: &LocalRay,
+    t_max: &mut f32,
+    stack: &mut Stack,
+    leaves: &mut impl Leaves,
+) -> bool {
+    if tree.nodes.is_empty() {
+        return false;
+    }
+    let base = stack.len();
+    let mut current = 0;
+    loop {
+        let node = &tree.nodes[current];
+        let (mut lanes, near) = slabs(node, ray, *t_max);
+        let first = stack.len();
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize;
+            lanes &= lanes - 1;
+            let child: Link = node.children[lane];
+            if child.is_leaf() {
+                if near[lane] <= *t_max && leaves.visit(child.index(), t_max, stack) {
+                    stack.truncate(base);
+                    return true;
+                }
+            } else {
+                stack.push(Entry {
+                    node: child.index() as u32,
+                    near: near[lane],
+                });
+            }
+        }
+        if ORDERED {
+            sort_nearest_last(&mut stack[first..]);
+        }
+        current = loop {
+            if stack.len() == base {
+                return false;
+            }
+            match stack.pop() {
+                Some(entry) if entry.near <= *t_max => break entry.node as usize,
+                Some(_) => {}
+                None => return false,
+            }
+        };
+    }
+}
+
+#[inline(always)]
+fn sort_nearest_last(entries: &mut [Entry]) {
+    for i in 1..entries.len() {
+        let entry = entries[i];
+        let mut j = i;
+        while j > 0 && entries[j - 1].near < entry.near {
+            entries[j] = entries[j - 1];
+            j -= 1;
+        }
+        entries[j] = entry;
+    }
+}
+
+struct MeshLeaves<'a, Q> {
+    blocks: &'a [Block],
+    ray: &'a LocalRay,
+    instance: u32,
+    query: &'a mut Q,
+}
+
+impl<Q: Query> Leaves for MeshLeaves<'_, Q> {
+    #[inline(always)]
+    fn visit(&mut self, leaf: usize, t_max: &mut f32, _: &mut Stack) -> bool {
+        let block = &self.blocks[leaf];
+        let hits = triangles(block, self.ray, *t_max);
+        hits.lanes != 0 && self.query.take(self.instance, block, &hits, t_max)
+    }
+}
+
+struct WorldLeaves<'a, Q> {
+    world: &'a World,
+    ray: &'a Ray,
+    query: &'a mut Q,
+}
+
+impl<Q: Query> Leaves for WorldLeaves<'_, Q> {
+    #[inline(always)]
+    fn visit(&mut self, leaf: usize, t_max: &mut f32, stack: &mut Stack) -> bool {
+        let instance = &self.world.instances[leaf];
+        if !instance.traceable {
+            return false;
+        }
+        let ray = instance.to_object(self.ray);
+        walk_mesh(&instance.mesh, &ray, leaf as u32, t_max, stack, self.query)
+    }
+}
+
+#[inline(always)]
+fn walk_mesh<Q: Query>(
+    mesh: &TriangleMesh,
+    ray: &Ray,
+    instance: u32,
+    t_max: &mut f32,
+    stack: &mut Stack,
+    query: &mut Q,
+) -> bool {
+    let local = LocalRay::new(ray, mesh.extent);
+    let mut leaves = MeshLeaves {
+        blocks: &mesh.blocks,
+        ray: &local,
+        instance,
+        query,
+    };
+    if Q::ORDERED {
+        walk::<true>(&mesh.tree, &local, t_max, stack, &mut leaves)
+    } else {
+        walk::<false>(&mesh.tree, &local, t_max, stack, &mut leaves)
+    }
+}
+
+/// Runs a query; the ray must be valid.
+#[inline(always)]
+pub(crate) fn run<Q: Query>(
+    world: &World,
+    ray: &Ray,
+    mut t_max: f32,
+    stack: &mut Stack,
+    query: &mut Q,
+) {
+    let mut leaves = WorldLeaves { world, ray, query };
+    if world.instances.len() == 1 {
+        leaves.visit(0, &mut t_max, stack);
+        return;
+    }
+    let local = LocalRay::with_slack(ray, world.extent, world.slack);
+    if Q::ORDERED {
+        walk::<true>(&world.tree, &local, &mut t_max, stack, &mut leaves);
+    } else {
+        walk::<false>(&world.tree, &local, &mut t_max, stack, &mut leaves);
+    }
+}
+
+/// The closest hit.
+pub(crate) struct Closest {
+    best: Hit,
+}
+
+impl Closest {
+    pub(crate) fn within(t_max: f32) -> Self {
+        let best = Hit {
+            t: t_max,
+            instance: u32::MAX,
+            face: u32::MAX,
+            barycentric: [0.; 2],
+        };
+        Self { best }
+    }
+
+    pub(crate) fn hit(self) -> Option<Hit> {
+        (self.best.instance != u32::MAX).then_some(self.best)
+    }
+}
+
+impl Query for Closest {
+    const ORDERED: bool = true;
+
+    #[inline(always)]
+    fn take(&mut self, instance: u32, block: &Block, hits: &BlockHits, t_max: &mut f32) -> bool {
+        let mut lanes = hits.lanes;
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize;
+            lanes &= lanes - 1;
+            let (t, face) = (hits.t[lane], block.faces[lane]);
+            let best = &self.best;
+            if t < best.t || (t == best.t && (instance, face) < (best.instance, best.face)) {
+                let scale = 1. / hits.determinant[lane];
+                let barycentric = [hits.v[lane] * scale, hits.w[lane] * scale];
+                self.best = Hit {
+                    t,
+                    instance,
+                    face,
+                    barycentric,
+                };
+                *t_max = t;
+            }
+        }
+        false
+    }
+}
+
+/// The first hit met that is accepted.
+pub(crate) struct Any<F> {
+    pub(crate) accept: F,
+    pub(crate) found: Option<Occluder>,
+}
+
+impl<F: FnMut(u32, u32) -> bool> Query for Any<F> {
+    const ORDERED: bool = false;
+
+    #[inline(always)]
+    fn take(&mut self, instance: u32, block: &Block, hits: &BlockHits, _: &mut f32) -> bool {
+        let mut lanes = hits.lanes;
+        while lanes != 0 {
+            let face = block.faces[lanes.trailing_zeros() as usize];
+            lanes &= lanes - 1;
+            if (self.accept)(instance, face) {
+                self.found = Some(Occluder { instance, face });
+                return true;
+            }
+        }
+        false
+    }
+}

@@ -1,0 +1,257 @@
+//! The upper level: meshes somewhere.
+
+use std::{cell::Cell, sync::Arc};
+
+use glam::{Affine3A, DAffine3, DMat3, DVec3, Mat3A, Vec3, Vec3A};
+
+use crate::{
+    Bounds, Hit, Occluder, Ray,
+    build::binary_tree,
+    collapse::collapse,
+    dispatch::{Level, query},
+    mesh::TriangleMesh,
+    node::Tree,
+    traverse::{Any, Closest, Stack},
+};
+
+thread_local! {
+    static STACK: Cell<Stack> = const { Cell::new(Vec::new()) };
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct Instance {
+    pub(crate) mesh: Arc<TriangleMesh>,
+    /// Whether rays can reach it: it has faces, and its transform can be inverted.
+    pub(crate) traceable: bool,
+    identity: bool,
+    to_object: Affine3A,
+    bounds: Bounds,
+    /// How much more than a unit transform it enlarges rounding errors.
+    condition: f32,
+}
+
+impl Instance {
+    fn new(mesh: Arc<TriangleMesh>, transform: Affine3A) -> Self {
+        let wide = DAffine3 {
+            matrix3: DMat3::from_cols(
+                transform.matrix3.x_axis.as_dvec3(),
+                transform.matrix3.y_axis.as_dvec3(),
+                transform.matrix3.z_axis.as_dvec3(),
+            ),
+            translation: transform.translation.as_dvec3(),
+        };
+        let inverse = wide.inverse();
+        let to_object = Affine3A {
+            matrix3: Mat3A::from_cols(
+                inverse.matrix3.x_axis.as_vec3a(),
+                inverse.matrix3.y_axis.as_vec3a(),
+                inverse.matrix3.z_axis.as_vec3a(),
+            ),
+            translation: inverse.translation.as_vec3a(),
+        };
+        let bounds = transformed(&wide, mesh.bounds());
+        let condition = (norm(&wide.matrix3) * norm(&inverse.matrix3)) as f32;
+        let traceable = !bounds.is_empty()
+            && bounds.min.is_finite()
+            && bounds.max.is_finite()
+            && to_object.is_finite()
+            && condition.is_finite();
+        Self {
+            mesh,
+            traceable,
+            identity: transform == Affine3A::IDENTITY,
+            to_object,
+            bounds: if traceable { bounds } else { Bounds::EMPTY },
+            condition: if traceable { condition } else { 1. },
+        }
+    }
+
+    /// The ray in object space; distances along it stay what they are.
+    #[inline(always)]
+    pub(crate) fn to_object(&self, ray: &Ray) -> Ray {
+        if self.identity {
+            return *ray;
+        }
+        Ray {
+            origin: self
+                .to_object
+                .transform_point3a(Vec3A::from(ray.origin))
+                .into(),
+            direction: self
+                .to_object
+                .transform_vector3a(Vec3A::from(ray.direction))
+                .into(),
+        }
+    }
+}
+
+/// Largest sum of absolute values in a row.
+fn norm(matrix: &DMat3) -> f64 {
+    (matrix.x_axis.abs() + matrix.y_axis.abs() + matrix.z_axis.abs()).max_element()
+}
+
+fn transformed(transform: &DAffine3, bounds: Bounds) -> Bounds {
+    if bounds.is_empty() {
+        return Bounds::EMPTY;
+    }
+    (0..8).fold(Bounds::EMPTY, |all, corner| {
+        let pick = |axis: usize| {
+            if corner >> axis & 1 == 0 {
+                bounds.min[axis]
+            } else {
+                bounds.max[axis]
+            }
+        };
+        let point = DVec3::new(pick(0).into(), pick(1).into(), pick(2).into());
+        all.with_point(transform.transform_point3(point).as_vec3())
+    })
+}
+
+/// Meshes with their places, ready for rays.
+///
+/// Queries take `&self` and may run on any number of threads. A ray with a number that is not finite, or without a
+/// direction, hits nothing. Distances count in (0, `t_max`].
+#[derive(Clone, Debug)]
+pub struct World {
+    pub(crate) instances: Vec<Instance>,
+    pub(crate) tree: Tree,
+    pub(crate) extent: f32,
+    pub(crate) slack: f32,
+    pub(crate) level: Level,
+}
+
+impl World {
+    /// Places meshes by object-to-world transforms, which may scale differently along axes, and mirror. An instance whose
+    /// transform has no inverse is never hit.
+    #[must_use]
+    pub fn new(instances: Vec<(Arc<TriangleMesh>, Affine3A)>) -> Self {
+        let instances: Vec<Instance> = instances
+            .into_iter()
+            .map(|(mesh, at)| Instance::new(mesh, at))
+            .collect();
+        let boxes: Vec<Bounds> = instances
+            .iter()
+            .map(|i| {
+                if i.traceable {
+                    i.bounds
+                } else {
+                    Bounds::EMPTY.with_point(Vec3::ZERO)
+                }
+            })
+            .collect();
+        let tree = if boxes.len() > 1 {
+            collapse(&binary_tree(&boxes), 1, |primitives| primitives[0] as usize)
+        } else {
+            Tree::default()
+        };
+        let mut world = Self {
+            instances,
+            tree,
+            extent: 0.,
+            slack: 1.,
+            level: Level::detect(),
+        };
+        world.refit();
+        world
+    }
+
+    /// The same world, traced without vector instructions of newer processors: same results, to the bit.
+    #[must_use]
+    pub fn without_simd(mut self) -> Self {
+        self.level = Level::Plain;
+        self
+    }
+
+    /// Moves an instance; takes effect for queries after [`refit`](Self::refit). Returns whether there is such an instance.
+    pub fn set_transform(&mut self, instance: u32, transform: Affine3A) -> bool {
+        match self.instances.get_mut(instance as usize) {
+            Some(slot) => {
+                *slot = Instance::new(Arc::clone(&slot.mesh), transform);
+                true
+            }
+            None => false,
+        }
+    }
+
+    /// Brings the upper tree's boxes up to date after moves.
+    pub fn refit(&mut self) {
+        for index in (0..self.tree.nodes.len()).rev() {
+            for lane in 0..self.tree.nodes[index].children.len() {
+                let child = self.tree.nodes[index].children[lane];
+                let bounds = if child == crate::node::Link::NONE {
+                    Bounds::EMPTY
+                } else if child.is_leaf() {
+                    self.instances[child.index()].bounds
+                } else {
+                    self.tree.nodes[child.index()].total_bounds()
+                };
+                self.tree.nodes[index].set_bounds(lane, &bounds);
+            }
+        }
+        self.extent = self.bounds().max_abs();
+        self.slack = self
+            .instances
+            .iter()
+            .map(|i| 2. * i.condition)
+            .fold(1., f32::max);
+    }
+
+    /// Number of instances.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.instances.len()
+    }
+
+    /// Whether there is no instance.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.instances.is_empty()
+    }
+
+    /// Bounds of all instances, world space.
+    #[must_use]
+    pub fn bounds(&self) -> Bounds {
+        self.instances
+            .iter()
+            .fold(Bounds::EMPTY, |all, i| all.union(i.bounds))
+    }
+
+    /// The closest hit at a distance of at most `t_max`.
+    #[must_use]
+    pub fn closest(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
+        if !ray.is_valid() || self.instances.is_empty() {
+            return None;
+        }
+        let mut closest = Closest::within(t_max);
+        let mut stack = STACK.take();
+        query(self, ray, t_max, &mut stack, &mut closest);
+        STACK.set(stack);
+        closest.hit()
+    }
+
+    /// Something that the ray meets at a distance of at most `t_max`: not the closest, but the first found.
+    #[must_use]
+    pub fn occluder(&self, ray: &Ray, t_max: f32) -> Option<Occluder> {
+        self.occluder_where(ray, t_max, |_, _| true)
+    }
+
+    /// Like [`occluder`](Self::occluder), of the faces for which `accept(instance, face)` holds.
+    pub fn occluder_where(
+        &self,
+        ray: &Ray,
+        t_max: f32,
+        accept: impl FnMut(u32, u32) -> bool,
+    ) -> Option<Occluder> {
+        if !ray.is_valid() || self.instances.is_empty() {
+            return None;
+        }
+        let mut any = Any {
+            accept,
+            found: None,
+        };
+        let mut stack = STACK.take();
+        query(self, ray, t_max, &mut stack, &mut any);
+        STACK.set(stack);
+        any.found
+    }
+}
