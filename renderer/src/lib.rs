@@ -5,9 +5,12 @@
 //! next. None of these stages knows of sockets: [`link`] does.
 
 pub mod camera;
+pub mod config;
 pub mod edges;
 pub mod epi;
 pub mod filters;
 pub mod link;
 pub mod points;
 pub mod sampling;
+pub mod stats;
+pub mod tone;

@@ -1,4 +1,5 @@
 //! Reconstruction: colours for pixels from the samples that they can reach, in linear radiance.
 
 pub mod interpolate;
+pub mod spread;
 pub mod taps;
