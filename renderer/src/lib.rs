@@ -9,6 +9,7 @@ pub mod config;
 pub mod edges;
 pub mod epi;
 pub mod filters;
+pub mod frame;
 pub mod link;
 pub mod points;
 pub mod sampling;

@@ -36,6 +36,8 @@ pub const SLOPE_RIDGE: f32 = 0.01;
 pub struct Inputs<'a, R> {
     /// Samples a pixel.
     pub samples: &'a PixelSamples,
+    /// Plane of pixels whose sample may be used: it surely lies in the primary region.
+    pub has: &'a [u64],
     /// Which primary regions reach which.
     pub reach: &'a R,
     /// Plane of complex pixels.
@@ -86,10 +88,9 @@ pub fn interpolate<R: Reach>(
             // The outer ring adds little where the inner nine are enough, and weights of the paper's kind want it all.
             let stop_early = method == Method::LinearFit;
             let words = grid.words;
-            let has = &inputs.samples.has;
             let taps = taps(
                 inputs.reach,
-                has,
+                inputs.has,
                 inputs.complex,
                 words,
                 (word, y),

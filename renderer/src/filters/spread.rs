@@ -24,6 +24,8 @@ pub struct Neighbours<'a> {
     pub down: &'a [u64],
     /// Complex pixels: nothing passes.
     pub complex: &'a [u64],
+    /// Pixels whose sample may be used.
+    pub has: &'a [u64],
 }
 
 /// Scratch of the flood, kept from frame to frame.
@@ -64,7 +66,7 @@ impl Spread {
             return;
         }
         self.find_area(&out.starved, near.complex);
-        self.flood(samples, near);
+        self.flood(near);
         let grid = self.grid;
         let mut lost = false;
         for y in 0..grid.height {
@@ -115,14 +117,14 @@ impl Spread {
         }
     }
 
-    fn flood(&mut self, samples: &PixelSamples, near: Neighbours<'_>) {
+    fn flood(&mut self, near: Neighbours<'_>) {
         let grid = self.grid;
         self.queue.clear();
         self.counts.fill(0);
         for y in 0..grid.height {
             for word in 0..grid.words {
                 let i = y * grid.words + word;
-                let mut seeds = samples.has[i] & self.area[i];
+                let mut seeds = near.has[i] & self.area[i];
                 while seeds != 0 {
                     let at = grid.at(word * 64 + seeds.trailing_zeros() as usize, y) as u32;
                     seeds &= seeds - 1;
@@ -327,6 +329,7 @@ mod tests {
             right: &right,
             down: &all,
             complex: &complex,
+            has: &samples.has,
         };
         let middle = vec![0.5; grid.elements()];
         Spread::new(grid).fill(samples, near, (&middle, &middle), &mut out);

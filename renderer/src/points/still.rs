@@ -156,19 +156,21 @@ impl Still {
         self.splits.get(slot as usize).filter(|s| s.code == code)
     }
 
-    /// Gives every pixel that took samples in since the last call, once.
-    pub fn drain_changed(&mut self, mut visit: impl FnMut(usize, usize)) {
-        let mut changed = std::mem::take(&mut self.changed);
-        for pixel in changed.drain(..) {
-            let (x, y) = (
+    /// Pixels (row · width + column) that took samples in since [`Still::forget_changed`], each once.
+    pub fn changed(&self) -> &[u32] {
+        &self.changed
+    }
+
+    /// Starts a new list of changed pixels.
+    pub fn forget_changed(&mut self) {
+        for &pixel in &self.changed {
+            let (word, bit) = self.grid.bit(
                 pixel as usize % self.grid.width,
                 pixel as usize / self.grid.width,
             );
-            let (word, bit) = self.grid.bit(x, y);
             self.marked[word] &= !(1 << bit);
-            visit(x, y);
         }
-        self.changed = changed;
+        self.changed.clear();
     }
 }
 
@@ -210,10 +212,9 @@ mod tests {
         assert_eq!(still.whole(1, 1).count, 2.0);
         let split = still.split(1, 1, 9).unwrap();
         assert_eq!((split.regions[0].count, split.regions[1].count), (0.0, 1.0));
-        let mut seen = Vec::new();
-        still.drain_changed(|x, y| seen.push((x, y)));
-        still.drain_changed(|x, y| seen.push((x, y)));
-        assert_eq!(seen, [(1, 1)]);
+        assert_eq!(still.changed(), [5]);
+        still.forget_changed();
+        assert!(still.changed().is_empty());
         still.clear();
         assert_eq!((still.samples(), still.whole(1, 1).count), (0, 0.0));
     }

@@ -1,0 +1,90 @@
+//! Taking samples in.
+
+use protocol::messages::{Sample, flags};
+
+use super::Display;
+use crate::camera::View;
+use crate::epi::code::Side;
+use crate::points::pixels::NO_POINT;
+use crate::points::project::FAR_DEPTH;
+use crate::stats::Stage;
+
+/// A sample and the view that it was asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Received {
+    /// Number of the view.
+    pub view: u32,
+    /// The sample.
+    pub sample: Sample,
+}
+
+/// How near in depth a new sample must lie to the point of its pixel to take its slot, as a share of the depth.
+const SAME_SURFACE: f32 = 0.05;
+
+impl Display {
+    /// Takes samples into the cache, and into the means of a still camera where they were asked for in the present view.
+    /// The order matters: lockstep gives them in the order of their ids.
+    pub fn receive(&mut self, samples: &[Received]) {
+        let mut ms = std::mem::take(&mut self.stage_ms);
+        ms.time(Stage::Drain, || {
+            for received in samples {
+                self.take(received);
+            }
+        });
+        self.stage_ms = ms;
+        self.samples_new += samples.len();
+    }
+
+    fn take(&mut self, received: &Received) {
+        let sample = &received.sample;
+        let Some(view) = self.view else {
+            self.cache.insert(sample, None);
+            return;
+        };
+        let Some((x_px, y_px, depth)) = place(&view, sample) else {
+            self.cache.insert(sample, None);
+            return;
+        };
+        let (x, y) = (x_px as usize, y_px as usize);
+        let at = self.grid.at(x, y);
+        let there = self.pixels.point[at];
+        let same = (depth - self.pixels.depth[at]).abs() <= SAME_SURFACE * depth;
+        let replaced = (there != NO_POINT && same).then_some(there);
+        let slot = self.cache.insert(sample, replaced);
+        if let Some(slot) = slot.filter(|_| same || depth < self.pixels.depth[at]) {
+            self.pixels.point[at] = slot;
+            self.pixels.depth[at] = depth;
+        }
+        if received.view == self.view_number && self.choices.settle.is_on() {
+            let offset = [x_px - x as f32, y_px - y as f32];
+            let code = self.epi.code_at(x, y);
+            let region = code.is_simple().then(|| {
+                let tables = self.epi.tables();
+                match tables.side(code, tables.places().cell(offset[0], offset[1])) {
+                    Side::Outer => Some((code.0, 0)),
+                    Side::Inner => Some((code.0, 1)),
+                    Side::Ambiguous => None,
+                }
+            });
+            self.still
+                .add((x, y), offset, sample.radiance, region.flatten());
+        }
+    }
+}
+
+/// Where in the image a sample lies: x px, y px, depth.
+fn place(view: &View, sample: &Sample) -> Option<(f32, f32, f32)> {
+    let position = glam::Vec3::from(sample.position);
+    let miss = sample.flags & flags::MISS != 0;
+    let (x, y, depth) = view.project(if miss { view.eye + position } else { position })?;
+    let inside = x >= 0.0 && y >= 0.0 && x < view.width as f32 && y < view.height as f32;
+    inside.then_some((
+        x,
+        y,
+        if miss {
+            FAR_DEPTH * depth.min(1.0)
+        } else {
+            depth
+        },
+    ))
+}

@@ -1,0 +1,338 @@
+//! One frame: the stages in their order, each reading what the ones before it left.
+
+mod edges;
+mod ingest;
+mod plan;
+
+use fearless_simd::Level;
+use protocol::scene::Scene;
+
+use crate::camera::View;
+use crate::config::{Choices, Interpolation, Method, PlaceBits, PointCulling, Priority};
+use crate::epi::code::{Places, Side};
+use crate::epi::grid::Grid;
+use crate::epi::reach::ReachMap;
+use crate::epi::{Epi, SamplePlaces};
+use crate::filters::interpolate::{self, Interpolated, interpolate};
+use crate::filters::settle::settle;
+use crate::filters::spread::{Neighbours, Spread};
+use crate::points::cull::cull;
+use crate::points::pixels::NO_POINT;
+use crate::points::project::{Projected, project};
+use crate::points::still::Mean;
+use crate::points::{PixelSamples, PointCache, Still};
+use crate::sampling::choose::Chooser;
+use crate::sampling::predict::Prediction;
+use crate::sampling::priority::{self, Priorities, Rule};
+use crate::stats::{FrameStats, PixelKinds, Stage, StageMs};
+
+pub use edges::EdgeStage;
+pub use ingest::Received;
+pub use plan::Wanted;
+
+/// The display without its sockets and windows: takes samples, draws frames, says what it wants next.
+pub struct Display {
+    level: Level,
+    choices: Choices,
+    seed: u64,
+    grid: Grid,
+    view: Option<View>,
+    view_number: u32,
+    cache: PointCache,
+    projected: Projected,
+    seen: Vec<bool>,
+    pixels: PixelSamples,
+    cells: Vec<u8>,
+    still: Still,
+    edges: EdgeStage,
+    epi: Epi,
+    reach: ReachMap,
+    centre: [Vec<f32>; 2],
+    interpolated: Interpolated,
+    spread: Spread,
+    image: [Vec<f32>; 3],
+    suspects: Vec<(u16, u16)>,
+    priorities: Priorities,
+    chooser: Chooser,
+    prediction: Prediction,
+    chosen: Vec<(u16, u16)>,
+    serial: u64,
+    samples_new: usize,
+    stage_ms: StageMs,
+}
+
+impl Display {
+    /// A display of an image of `width` x `height` pixels for this scene, with nothing in its cache.
+    pub fn new(scene: &Scene, choices: Choices, width: u32, height: u32, seed: u64) -> Self {
+        let grid = Grid::new(width as usize, height as usize);
+        let pixels = (width * height) as f32;
+        let capacity = ((pixels * choices.cache.max(0.0)) as usize).max(16);
+        let plane = || vec![0.0; grid.elements()];
+        let places = match choices.place_bits {
+            PlaceBits::Four => Places::Bits4,
+            PlaceBits::Six => Places::Bits6,
+            PlaceBits::Eight => Places::Bits8,
+        };
+        Self {
+            level: Level::new(),
+            choices,
+            seed,
+            grid,
+            view: None,
+            view_number: 0,
+            cache: PointCache::new(capacity),
+            projected: Projected::new(capacity),
+            seen: vec![false; capacity],
+            pixels: PixelSamples::new(grid),
+            cells: vec![0; grid.elements()],
+            still: Still::new(grid),
+            edges: EdgeStage::new(scene, choices, grid),
+            epi: Epi::new(grid.width, grid.height, places),
+            reach: ReachMap::new(grid.width, grid.height),
+            centre: [vec![0.5; grid.elements()], vec![0.5; grid.elements()]],
+            interpolated: Interpolated::new(grid),
+            spread: Spread::new(grid),
+            image: [plane(), plane(), plane()],
+            suspects: Vec::new(),
+            priorities: Priorities::new(grid),
+            chooser: Chooser::default(),
+            prediction: Prediction::default(),
+            chosen: Vec::new(),
+            serial: 0,
+            samples_new: 0,
+            stage_ms: StageMs::default(),
+        }
+    }
+
+    /// Draws the frame for this view from what the cache holds. `view_number` is the number under which the servers know
+    /// the view: samples asked for under it may be averaged while it lasts.
+    pub fn draw(&mut self, view: &View, view_number: u32) {
+        let moved = self.view != Some(*view);
+        self.view_number = view_number;
+        if moved {
+            self.view = Some(*view);
+            self.still.clear();
+        }
+        let settling = self.choices.settle.is_on();
+        if moved || !settling {
+            self.reproject(view);
+        }
+        let mut ms = std::mem::take(&mut self.stage_ms);
+        if self.choices.edges() {
+            self.edges.find(view, moved, &self.pixels, &mut ms);
+            ms.time(Stage::Classify, || self.edges.classify(&mut self.epi));
+        }
+        ms.time(Stage::Classify, || self.settle_primary());
+        ms.time(Stage::Reach, || self.reach.compute(&self.epi));
+        ms.time(Stage::Interpolate, || self.interpolate());
+        for (to, from) in self.image.iter_mut().zip(&self.interpolated.rgb) {
+            to.copy_from_slice(from);
+        }
+        if settling {
+            ms.time(Stage::Antialias, || {
+                settle(&self.still, &self.epi, &mut self.image)
+            });
+        }
+        self.stage_ms = ms;
+    }
+
+    fn reproject(&mut self, view: &View) {
+        let mut ms = std::mem::take(&mut self.stage_ms);
+        ms.time(Stage::Reproject, || {
+            project(
+                self.level,
+                &self.cache,
+                view,
+                &mut self.projected,
+                &mut self.pixels,
+            );
+        });
+        ms.time(Stage::Depth, || {
+            let (world, cache) = (self.edges.world(), &self.cache);
+            match self.choices.point_culling {
+                PointCulling::None => 0,
+                PointCulling::Depth => cull(&mut self.pixels, &mut self.suspects, |_| false),
+                PointCulling::Rays => cull(&mut self.pixels, &mut self.suspects, |point| {
+                    world.is_none_or(|w| edges::sees(w, view, cache, point))
+                }),
+            };
+            self.seen.fill(false);
+            for &point in self.pixels.point.iter().filter(|&&p| p != NO_POINT) {
+                self.seen[point as usize] = true;
+            }
+        });
+        self.stage_ms = ms;
+    }
+
+    /// Puts the means of a still camera into their pixels, and settles primary regions and their middles.
+    fn settle_primary(&mut self) {
+        let grid = self.grid;
+        for &pixel in self.still.changed() {
+            let (x, y) = (pixel as usize % grid.width, pixel as usize / grid.width);
+            let (mean, place) = still_sample(&self.still, &self.epi, x, y);
+            let at = grid.at(x, y);
+            [self.pixels.x[at], self.pixels.y[at]] = place;
+            self.pixels.count[at] = mean.count;
+            for (plane, value) in self.pixels.rgb.iter_mut().zip(mean.rgb) {
+                plane[at] = value;
+            }
+            let (word, bit) = grid.bit(x, y);
+            self.pixels.has[word] |= 1 << bit;
+        }
+        self.still.forget_changed();
+        let places = self.epi.tables().places();
+        for_each_bit(grid, &self.epi.simple, |x, y| {
+            let at = grid.at(x, y);
+            self.cells[at] = places.cell(self.pixels.x[at], self.pixels.y[at]);
+        });
+        self.epi.set_primary(&SamplePlaces {
+            present: &self.pixels.has,
+            place: &self.cells,
+        });
+        let Self { epi, centre, .. } = self;
+        for_each_bit(grid, &epi.simple, |x, y| {
+            let (word, bit) = grid.bit(x, y);
+            let inner = epi.primary_inner[word] >> bit & 1 == 1;
+            let middle = epi.tables().centroid_px(epi.code_at(x, y), inner);
+            let at = grid.at(x, y);
+            (centre[0][at], centre[1][at]) = (middle[0], middle[1]);
+        });
+    }
+
+    fn interpolate(&mut self) {
+        let method = match self.choices.interpolation {
+            Interpolation::Paper => interpolate::Method::FixedWeights,
+            Interpolation::Linear => interpolate::Method::LinearFit,
+        };
+        let inputs = interpolate::Inputs {
+            samples: &self.pixels,
+            has: &self.epi.has_sample,
+            reach: &self.reach,
+            complex: &self.epi.complex,
+            centre_x: &self.centre[0],
+            centre_y: &self.centre[1],
+        };
+        interpolate(self.level, method, &inputs, &mut self.interpolated);
+        let near = Neighbours {
+            right: &self.reach.steps.right[0],
+            down: &self.reach.steps.down[0],
+            complex: &self.epi.complex,
+            has: &self.epi.has_sample,
+        };
+        let wanted = (&self.centre[0][..], &self.centre[1][..]);
+        self.spread
+            .fill(&self.pixels, near, wanted, &mut self.interpolated);
+    }
+
+    /// Priorities of the frame just drawn.
+    fn prioritize(&mut self) {
+        let rule = match self.choices.priority {
+            Priority::Paper => Rule::MissingWeight,
+            Priority::Contrast => Rule::Contrast,
+        };
+        let inputs = priority::Inputs {
+            grid: self.grid,
+            rgb: &self.interpolated.rgb,
+            weight: &self.interpolated.weight,
+            reach: &self.reach,
+            complex: &self.epi.complex,
+        };
+        self.priorities.compute(self.level, rule, &inputs);
+    }
+
+    /// The frame's linear radiance, planes by [`Display::grid`].
+    pub fn image(&self) -> &[Vec<f32>; 3] {
+        &self.image
+    }
+
+    /// Layout of [`Display::image`].
+    pub fn grid(&self) -> Grid {
+        self.grid
+    }
+
+    /// The edge-and-point image of the frame.
+    pub fn epi(&self) -> &Epi {
+        &self.epi
+    }
+
+    /// The samples that the pixels of the frame have.
+    pub fn pixels(&self) -> &PixelSamples {
+        &self.pixels
+    }
+
+    /// The priorities that the last plan was made from, by [`Display::grid`].
+    pub fn priorities(&self) -> &[f32] {
+        &self.priorities.priority
+    }
+
+    /// Adds the time that showing the frame took.
+    pub fn time_present<T>(&mut self, run: impl FnOnce(&Self) -> T) -> T {
+        let start = std::time::Instant::now();
+        let result = run(self);
+        *self.stage_ms.of(Stage::Present) += start.elapsed().as_secs_f64() * 1e3;
+        result
+    }
+
+    /// What the frame cost since the last call and what it is made of.
+    pub fn take_stats(&mut self, frame: usize) -> FrameStats {
+        let stage_ms = std::mem::take(&mut self.stage_ms);
+        let counts = self.epi.counts;
+        FrameStats {
+            frame,
+            total_ms: stage_ms.total(),
+            stage_ms,
+            silhouette_edges: self.edges.found(),
+            pixels: PixelKinds {
+                empty: counts.empty,
+                simple: counts.simple,
+                complex: counts.complex,
+            },
+            samples_new: std::mem::take(&mut self.samples_new),
+            samples_visible: self.pixels.visible(),
+            points: self.cache.len(),
+            ..FrameStats::default()
+        }
+    }
+}
+
+/// What stands for a pixel of a still camera and where: the mean of the region with more samples, placed so that its side
+/// of the edge is sure, or of the whole pixel.
+fn still_sample(still: &Still, epi: &Epi, x: usize, y: usize) -> (Mean, [f32; 2]) {
+    let code = epi.code_at(x, y);
+    let whole = *still.whole(x, y);
+    let Some(split) = Some(code)
+        .filter(|c| c.is_simple())
+        .and_then(|c| still.split(x, y, c.0))
+    else {
+        return (whole, whole.place);
+    };
+    let [outer, inner] = split.regions;
+    let is_inner = match inner.count.total_cmp(&outer.count) {
+        std::cmp::Ordering::Greater => true,
+        std::cmp::Ordering::Less => false,
+        std::cmp::Ordering::Equal => epi.tables().inner_larger(code),
+    };
+    let mean = if is_inner { inner } else { outer };
+    let side = if is_inner { Side::Inner } else { Side::Outer };
+    let [px, py] = mean.place;
+    let sure = epi.tables().side(code, epi.tables().places().cell(px, py)) == side;
+    let place = if sure {
+        mean.place
+    } else {
+        epi.tables().centroid_px(code, is_inner)
+    };
+    (mean, place)
+}
+
+/// Visits every pixel whose bit is set.
+fn for_each_bit(grid: Grid, plane: &[u64], mut visit: impl FnMut(usize, usize)) {
+    for y in 0..grid.height {
+        for word in 0..grid.words {
+            let mut left = plane[y * grid.words + word];
+            while left != 0 {
+                visit(word * 64 + left.trailing_zeros() as usize, y);
+                left &= left - 1;
+            }
+        }
+    }
+}

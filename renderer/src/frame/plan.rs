@@ -1,0 +1,137 @@
+//! Saying what is wanted next.
+
+use protocol::messages::SampleRequest;
+
+use super::Display;
+use crate::camera::View;
+use crate::sampling::place::{PixelState, hash_unit, place};
+use crate::stats::Stage;
+
+/// Largest share of the budget that goes to what the next camera will uncover (Render Cache 2002: one half).
+const AHEAD_SHARE: usize = 2;
+
+/// What a frame asks for, most wanted first.
+#[derive(Clone, Debug, Default)]
+pub struct Wanted {
+    /// In the view of the frame.
+    pub here: Vec<SampleRequest>,
+    /// In the view that comes next.
+    pub ahead: Vec<SampleRequest>,
+}
+
+impl Wanted {
+    /// Requests in all.
+    pub fn len(&self) -> usize {
+        self.here.len() + self.ahead.len()
+    }
+
+    /// Whether nothing is wanted.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+}
+
+impl Display {
+    /// Chooses at most `budget` samples to ask for: where the frame just drawn is lacking, and, if the camera is going to
+    /// be at `next`, where that view will have no points at all.
+    pub fn plan(&mut self, budget: usize, next: Option<&View>, wanted: &mut Wanted) {
+        let mut ms = std::mem::take(&mut self.stage_ms);
+        ms.time(Stage::Prioritize, || self.choose(budget, next, wanted));
+        self.stage_ms = ms;
+    }
+
+    /// What to ask for before there is any frame: pixels spread over the whole image of this view.
+    pub fn plan_first(&mut self, budget: usize, wanted: &mut Wanted) {
+        wanted.here.clear();
+        wanted.ahead.clear();
+        self.priorities.priority.fill(1.0);
+        self.request_chosen(budget, wanted);
+    }
+
+    fn choose(&mut self, budget: usize, next: Option<&View>, wanted: &mut Wanted) {
+        wanted.here.clear();
+        wanted.ahead.clear();
+        let moving =
+            next.filter(|n| self.view.as_ref() != Some(*n) && self.choices.prediction.is_on());
+        if let Some(view) = moving {
+            let limit = budget / AHEAD_SHARE;
+            self.prediction
+                .find_empty(&self.cache, view, limit, &mut self.chosen);
+            let serial = self.next_serial();
+            for &(x, y) in &self.chosen {
+                let jitter = |salt| hash_unit(self.seed ^ salt, serial << 32 | request_key(x, y));
+                wanted.ahead.push(SampleRequest {
+                    id: serial << 32 | request_key(x, y),
+                    x,
+                    y,
+                    offset: [jitter(5), jitter(6)],
+                });
+            }
+        }
+        self.prioritize();
+        self.request_chosen(budget - wanted.ahead.len(), wanted);
+    }
+
+    fn request_chosen(&mut self, budget: usize, wanted: &mut Wanted) {
+        let serial = self.next_serial();
+        let priority = &self.priorities.priority;
+        self.chooser.choose(
+            self.grid,
+            priority,
+            budget,
+            self.seed ^ serial,
+            &mut self.chosen,
+        );
+        // Most wanted first; equals in scan order.
+        let grid = self.grid;
+        self.chosen.sort_by(|a, b| {
+            let of = |p: &(u16, u16)| priority[grid.at(p.0.into(), p.1.into())];
+            of(b).total_cmp(&of(a)).then((a.1, a.0).cmp(&(b.1, b.0)))
+        });
+        for &(x, y) in &self.chosen {
+            let offset = self.place_of(usize::from(x), usize::from(y), serial);
+            wanted.here.push(SampleRequest {
+                id: serial << 32 | request_key(x, y),
+                x,
+                y,
+                offset,
+            });
+        }
+    }
+
+    fn place_of(&self, x: usize, y: usize, serial: u64) -> [f32; 2] {
+        let code = self.epi.code_at(x, y);
+        let count = self.still.whole(x, y).count as u32;
+        let region_centre = code.is_simple().then(|| {
+            let tables = self.epi.tables();
+            let counts = self
+                .still
+                .split(x, y, code.0)
+                .map_or([0.0; 2], |s| s.regions.map(|r| r.count));
+            let area = tables.inner_area(code);
+            // The region with fewer samples for its area.
+            let inner = counts[1] * (1.0 - area) < counts[0] * area
+                || (counts == [0.0; 2] && tables.inner_larger(code));
+            tables.centroid_px(code, inner)
+        });
+        let moving = if count == 0 { serial } else { 0 };
+        place(
+            self.seed ^ moving << 20,
+            PixelState {
+                x,
+                y,
+                count,
+                region_centre,
+            },
+        )
+    }
+
+    fn next_serial(&mut self) -> u64 {
+        self.serial += 1;
+        self.serial
+    }
+}
+
+fn request_key(x: u16, y: u16) -> u64 {
+    u64::from(y) << 16 | u64::from(x)
+}
