@@ -184,6 +184,13 @@ pub enum ToServer {
     },
     /// Last message; the server closes.
     Goodbye,
+    /// Last message: the server broke a rule, and which.
+    Fault {
+        /// The kind of fault.
+        code: FaultCode,
+        /// One line for people.
+        text: String,
+    },
 }
 
 /// Why a peer is being closed.
