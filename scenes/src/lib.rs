@@ -1,1 +1,24 @@
-//! placeholder
+//! Scenes: the file format, mesh loaders and procedural generators.
+//!
+//! [`load`] turns a scene file or a mesh file into a [`LoadedScene`]: the tables that shader servers are sent
+//! ([`protocol::scene::Scene`]), where the camera starts, its paths, and a [`LoadReport`] of what was broken in the
+//! geometry. `README.md` beside this crate gives every key of a scene file.
+
+mod assemble;
+mod error;
+mod format;
+mod generate;
+mod geometry;
+mod lights;
+mod load;
+mod loaders;
+mod normals;
+mod path;
+mod report;
+mod textures;
+mod transform;
+
+pub use error::{ErrorKind, SceneError};
+pub use load::{CameraSpec, LoadedScene, load};
+pub use path::{CameraPath, PathKey};
+pub use report::LoadReport;

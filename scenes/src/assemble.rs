@@ -1,0 +1,521 @@
+//! Fills a scene's tables: each mesh, material and texture once, however often it is named.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+use protocol::scene::{Affine, Material, Mesh, Model, Object, Scene, Shading};
+use toml::Spanned;
+
+use crate::error::{ErrorKind, SceneError};
+use crate::format::{MapValue, MaterialTable, NormalsMode, ObjectTable, Scale};
+use crate::geometry::examine;
+use crate::lights::finite;
+use crate::load::line_of;
+use crate::loaders::{self, FileMaterial, MeshFile, Part};
+use crate::report::LoadReport;
+use crate::{normals, textures, transform};
+
+const DEFAULT_DIFFUSE: [f32; 3] = [0.7; 3];
+const DEFAULT_CREASE_ANGLE: f32 = 85.0;
+
+/// A mesh file as prepared once for one choice of normals.
+struct Prepared {
+    parts: Vec<PreparedPart>,
+    /// Scene material of each of the file's.
+    materials: Vec<u32>,
+}
+
+struct PreparedPart {
+    name: Option<String>,
+    mesh: Mesh,
+    face_materials: Vec<Option<usize>>,
+    /// Where it is in the scene, by the material of faces that name none (`None`: it has no such faces, or no others).
+    placed: BTreeMap<Option<u32>, u32>,
+}
+
+/// The scene while it is put together.
+pub(crate) struct Assembler<'a> {
+    file: &'a Path,
+    text: &'a str,
+    scene: Scene,
+    report: LoadReport,
+    materials: BTreeMap<String, u32>,
+    default_material: Option<u32>,
+    textures: BTreeMap<PathBuf, u32>,
+    files: BTreeMap<(PathBuf, NormalsMode, u32), Prepared>,
+    names: BTreeSet<String>,
+}
+
+/// How an object stands in the scene.
+struct Placement<'a> {
+    name: &'a str,
+    material: Option<u32>,
+    transform: Affine,
+    crease_angle: f32,
+}
+
+impl<'a> Assembler<'a> {
+    pub(crate) fn new(file: &'a Path, text: &'a str) -> Self {
+        let shading = Shading {
+            model: Model::Direct,
+            ambient: [0.0; 3],
+            background: [0.0; 3],
+        };
+        Self {
+            file,
+            text,
+            scene: Scene {
+                shading,
+                lights: Vec::new(),
+                materials: Vec::new(),
+                textures: Vec::new(),
+                meshes: Vec::new(),
+                objects: Vec::new(),
+            },
+            report: LoadReport::default(),
+            materials: BTreeMap::new(),
+            default_material: None,
+            textures: BTreeMap::new(),
+            files: BTreeMap::new(),
+            names: BTreeSet::new(),
+        }
+    }
+
+    pub(crate) fn finish(self) -> (Scene, LoadReport) {
+        (self.scene, self.report)
+    }
+
+    pub(crate) fn add_material(
+        &mut self,
+        name: &str,
+        table: &Spanned<MaterialTable>,
+    ) -> Result<(), SceneError> {
+        let at = table.span().start;
+        let table = table.get_ref();
+        let key = |k: &str| format!("material.{name}.{k}");
+        let given = table.diffuse.unwrap_or(match table.diffuse_map {
+            Some(_) => [1.0; 3],
+            None => DEFAULT_DIFFUSE,
+        });
+        let diffuse = self.ok(at, reflectance(&key("diffuse"), given))?;
+        let specular = self.ok(
+            at,
+            reflectance(&key("specular"), table.specular.unwrap_or_default()),
+        )?;
+        let roughness = table.roughness.unwrap_or(1.0);
+        if !(roughness > 0.0 && roughness <= 1.0) {
+            let problem = format!("{roughness} is out of range");
+            let remedy = "write a number greater than 0, at most 1";
+            return Err(self.value(at, key("roughness"), problem, remedy));
+        }
+        let diffuse_map = match &table.diffuse_map {
+            None => None,
+            Some(map) => Some(match map.get_ref() {
+                MapValue::Made(made) => self.push_texture(textures::generate(&made.generate)),
+                MapValue::File(name) => {
+                    let path = self.beside(name);
+                    self.texture_file(&path).map_err(|e| {
+                        let problem = e.to_string();
+                        let remedy = "name a PNG or JPEG file, by its path from the scene file";
+                        self.value(map.span().start, key("diffuse_map"), problem, remedy)
+                    })?
+                }
+            }),
+        };
+        self.scene.materials.push(Material {
+            name: name.into(),
+            diffuse,
+            diffuse_map,
+            specular,
+            roughness,
+        });
+        let index = self.scene.materials.len() as u32 - 1;
+        self.materials.insert(name.into(), index);
+        Ok(())
+    }
+
+    pub(crate) fn add_object(&mut self, table: &Spanned<ObjectTable>) -> Result<(), SceneError> {
+        let at = table.span().start;
+        let table = table.get_ref();
+        let name = table.name.get_ref();
+        let name_at = table.name.span().start;
+        if name.is_empty() || !self.names.insert(name.clone()) {
+            let problem = format!("{name:?} is empty or taken");
+            return Err(self.value(
+                name_at,
+                "object.name",
+                problem,
+                "give each object its own name",
+            ));
+        }
+        let material = match &table.material {
+            None => None,
+            Some(m) => Some(*self.materials.get(m.get_ref()).ok_or_else(|| {
+                let problem = format!("there is no material {:?}", m.get_ref());
+                let remedy = format!("add [material.{}] or name another", m.get_ref());
+                self.value(m.span().start, "object.material", problem, remedy)
+            })?),
+        };
+        if !(0.0..=180.0).contains(&table.crease_angle) {
+            let problem = format!("{} is out of range", table.crease_angle);
+            let remedy = "write degrees from 0 to 180";
+            return Err(self.value(at, "object.crease_angle", problem, remedy));
+        }
+        let placement = Placement {
+            name,
+            material,
+            transform: self.ok(at, placement_matrix(table))?,
+            crease_angle: table.crease_angle,
+        };
+        match (&table.mesh, &table.generate) {
+            (Some(mesh), None) => {
+                let path = self.beside(mesh.get_ref());
+                self.prepare_file(&path, table.normals, table.crease_angle)
+                    .map_err(|e| {
+                        match e.kind {
+                            // Only the scene file knows who asked for a file that is not there.
+                            ErrorKind::Unreadable(_) | ErrorKind::UnknownFormat(_) => self.value(
+                                mesh.span().start,
+                                "object.mesh",
+                                e.to_string(),
+                                "paths are relative to the scene file",
+                            ),
+                            _ => e,
+                        }
+                    })?;
+                self.place_file(&path, table.normals, &placement);
+                Ok(())
+            }
+            (None, Some(generator)) => {
+                let made = generator.get_ref().make().map_err(|problem| {
+                    let remedy = "scenes/README.md lists every generator's parameters";
+                    self.value(generator.span().start, "object.generate", problem, remedy)
+                })?;
+                self.add_made(made, table.normals, &placement)
+            }
+            _ => Err(self.value(
+                at,
+                "object.mesh",
+                format!("object {name:?} must have either mesh or generate"),
+                "write one of them",
+            )),
+        }
+    }
+
+    /// A mesh file alone.
+    pub(crate) fn add_mesh_file(&mut self, path: &Path) -> Result<(), SceneError> {
+        let normals = NormalsMode::File;
+        self.prepare_file(path, normals, DEFAULT_CREASE_ANGLE)?;
+        let stem = path
+            .file_stem()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
+        let placement = Placement {
+            name: &stem,
+            material: None,
+            transform: transform::affine([0.0; 3], [0.0; 3], [1.0; 3]),
+            crease_angle: DEFAULT_CREASE_ANGLE,
+        };
+        self.names.insert(stem.clone());
+        self.place_file(path, normals, &placement);
+        Ok(())
+    }
+
+    fn add_made(
+        &mut self,
+        mesh: Mesh,
+        normals: NormalsMode,
+        placement: &Placement<'_>,
+    ) -> Result<(), SceneError> {
+        let part = Part {
+            mesh,
+            ..Part::default()
+        };
+        let part = prepare_part(
+            part,
+            normals,
+            placement.crease_angle,
+            self.file,
+            &mut self.report,
+        )?;
+        let material = self.object_material(placement.material);
+        // Equal meshes are sent once: a row of chairs is one chair.
+        let mesh = match self.scene.meshes.iter().position(|m| *m == part.mesh) {
+            Some(index) => index as u32,
+            None => {
+                self.scene.meshes.push(part.mesh);
+                self.scene.meshes.len() as u32 - 1
+            }
+        };
+        self.push_object(placement.name.into(), mesh, material, placement);
+        Ok(())
+    }
+
+    fn prepare_file(
+        &mut self,
+        path: &Path,
+        normals: NormalsMode,
+        crease_angle: f32,
+    ) -> Result<(), SceneError> {
+        let key = file_key(path, normals, crease_angle);
+        if self.files.contains_key(&key) {
+            return Ok(());
+        }
+        let MeshFile {
+            parts,
+            materials,
+            report,
+        } = loaders::read(path)?;
+        self.report.add(&report);
+        let mut prepared = Vec::with_capacity(parts.len());
+        for part in parts {
+            prepared.push(prepare_part(
+                part,
+                normals,
+                crease_angle,
+                path,
+                &mut self.report,
+            )?);
+        }
+        let used: BTreeSet<usize> = prepared
+            .iter()
+            .flat_map(|p| p.face_materials.iter().flatten().copied())
+            .collect();
+        let materials = materials
+            .iter()
+            .enumerate()
+            .map(|(i, m)| {
+                if used.contains(&i) {
+                    self.push_file_material(m)
+                } else {
+                    0
+                }
+            })
+            .collect();
+        self.files.insert(
+            key,
+            Prepared {
+                parts: prepared,
+                materials,
+            },
+        );
+        Ok(())
+    }
+
+    fn place_file(&mut self, path: &Path, normals: NormalsMode, placement: &Placement<'_>) {
+        let key = file_key(path, normals, placement.crease_angle);
+        let Some(mut file) = self.files.remove(&key) else {
+            return;
+        };
+        for part in &mut file.parts {
+            let own = part.face_materials.first().copied().flatten();
+            let uniform = part.face_materials.iter().all(|m| *m == own);
+            let own = own.map(|m| file.materials[m]);
+            let mixed = !uniform && part.face_materials.iter().any(Option::is_none);
+            let material = match own {
+                Some(own) if uniform => own,
+                _ if part.face_materials.is_empty() || mixed => {
+                    self.object_material(placement.material)
+                }
+                // Every face names its own; the object's is never asked for.
+                _ => {
+                    file.materials[part
+                        .face_materials
+                        .iter()
+                        .flatten()
+                        .copied()
+                        .next()
+                        .unwrap_or(0)]
+                }
+            };
+            let variant = mixed.then_some(material);
+            let mesh = match part.placed.get(&variant) {
+                Some(&index) => index,
+                None => {
+                    // Without mixed faces this is the only time that the mesh is asked for.
+                    let mut mesh = match variant {
+                        Some(_) => part.mesh.clone(),
+                        None => std::mem::take(&mut part.mesh),
+                    };
+                    if !uniform {
+                        let resolve = |m: &Option<usize>| m.map_or(material, |m| file.materials[m]);
+                        mesh.face_materials = part.face_materials.iter().map(resolve).collect();
+                    }
+                    self.scene.meshes.push(mesh);
+                    let index = self.scene.meshes.len() as u32 - 1;
+                    part.placed.insert(variant, index);
+                    index
+                }
+            };
+            let name = match &part.name {
+                Some(group) => self.unique_name(format!("{}/{group}", placement.name)),
+                None => placement.name.into(),
+            };
+            self.push_object(name, mesh, material, placement);
+        }
+        self.files.insert(key, file);
+    }
+
+    fn push_object(&mut self, name: String, mesh: u32, material: u32, placement: &Placement<'_>) {
+        self.scene.objects.push(Object {
+            name,
+            mesh,
+            material,
+            transform: placement.transform,
+            crease_angle: placement.crease_angle,
+        });
+    }
+
+    /// The name itself, or with the first number behind it that makes it new.
+    fn unique_name(&mut self, name: String) -> String {
+        let mut unique = name.clone();
+        let mut n = 1;
+        while !self.names.insert(unique.clone()) {
+            n += 1;
+            unique = format!("{name}#{n}");
+        }
+        unique
+    }
+
+    fn object_material(&mut self, given: Option<u32>) -> u32 {
+        if let Some(index) = given.or(self.default_material) {
+            return index;
+        }
+        self.scene.materials.push(Material {
+            name: "default".into(),
+            diffuse: DEFAULT_DIFFUSE,
+            diffuse_map: None,
+            specular: [0.0; 3],
+            roughness: 1.0,
+        });
+        let index = self.scene.materials.len() as u32 - 1;
+        self.default_material = Some(index);
+        index
+    }
+
+    /// A material of a mesh file; a picture that it names and that cannot be read is left out with a note.
+    fn push_file_material(&mut self, m: &FileMaterial) -> u32 {
+        let diffuse_map = m.diffuse_map.as_deref().and_then(|path| {
+            self.texture_file(path)
+                .inspect_err(|e| {
+                    self.report
+                        .notes
+                        .push(format!("material {:?} has no texture: {e}", m.name));
+                })
+                .ok()
+        });
+        self.scene.materials.push(Material {
+            name: m.name.clone(),
+            diffuse: m.diffuse,
+            diffuse_map,
+            specular: m.specular,
+            roughness: m.roughness,
+        });
+        self.scene.materials.len() as u32 - 1
+    }
+
+    fn texture_file(&mut self, path: &Path) -> Result<u32, SceneError> {
+        if let Some(&index) = self.textures.get(path) {
+            return Ok(index);
+        }
+        let texture = textures::read(path)?;
+        let index = self.push_texture(texture);
+        self.textures.insert(path.into(), index);
+        Ok(index)
+    }
+
+    fn push_texture(&mut self, texture: protocol::scene::Texture) -> u32 {
+        self.scene.textures.push(texture);
+        self.scene.textures.len() as u32 - 1
+    }
+
+    /// A path that the scene file names.
+    fn beside(&self, name: &str) -> PathBuf {
+        self.file.parent().unwrap_or(Path::new("")).join(name)
+    }
+
+    fn ok<T>(&self, offset: usize, result: Result<T, ErrorKind>) -> Result<T, SceneError> {
+        result.map_err(|kind| SceneError::at(self.file, line_of(self.text, offset), kind))
+    }
+
+    fn value(
+        &self,
+        offset: usize,
+        key: impl Into<String>,
+        problem: impl Into<String>,
+        remedy: impl Into<String>,
+    ) -> SceneError {
+        let kind = ErrorKind::value(key, problem, remedy);
+        SceneError::at(self.file, line_of(self.text, offset), kind)
+    }
+}
+
+/// The crease angle matters to smooth normals alone.
+fn file_key(path: &Path, normals: NormalsMode, crease_angle: f32) -> (PathBuf, NormalsMode, u32) {
+    let crease = if normals == NormalsMode::Smooth {
+        crease_angle.to_bits()
+    } else {
+        0
+    };
+    (path.into(), normals, crease)
+}
+
+fn prepare_part(
+    mut part: Part,
+    mode: NormalsMode,
+    crease_angle: f32,
+    file: &Path,
+    report: &mut LoadReport,
+) -> Result<PreparedPart, SceneError> {
+    if mode != NormalsMode::File {
+        part.mesh.normals.clear();
+        part.mesh.face_normals.clear();
+    }
+    report.add(&examine(&mut part.mesh, file)?);
+    if mode == NormalsMode::Smooth {
+        normals::smooth(&mut part.mesh, crease_angle);
+    }
+    Ok(PreparedPart {
+        name: part.name,
+        mesh: part.mesh,
+        face_materials: part.face_materials,
+        placed: BTreeMap::new(),
+    })
+}
+
+/// A colour of at most 1.
+fn reflectance(key: &str, v: [f32; 3]) -> Result<[f32; 3], ErrorKind> {
+    if v.iter().all(|x| (0.0..=1.0).contains(x)) {
+        Ok(v)
+    } else {
+        let problem = format!("{v:?} is no reflectance");
+        Err(ErrorKind::value(
+            key,
+            problem,
+            "write three numbers from 0 to 1",
+        ))
+    }
+}
+
+fn placement_matrix(table: &ObjectTable) -> Result<Affine, ErrorKind> {
+    let scale = match table.scale {
+        Scale::Uniform(s) => [s; 3],
+        Scale::Axes(s) => s,
+    };
+    let scale = finite("object.scale", scale)?;
+    if scale.contains(&0.0) {
+        let problem = "a scale of 0 leaves nothing";
+        return Err(ErrorKind::value(
+            "object.scale",
+            problem,
+            "write a number other than 0",
+        ));
+    }
+    let translate = finite("object.translate", table.translate)?;
+    Ok(transform::affine(
+        translate,
+        finite("object.rotate", table.rotate)?,
+        scale,
+    ))
+}
