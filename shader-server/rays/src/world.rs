@@ -173,6 +173,22 @@ impl World {
         }
     }
 
+    /// Puts another mesh in an instance's place; otherwise like [`set_transform`](Self::set_transform).
+    pub fn set_instance(
+        &mut self,
+        instance: u32,
+        mesh: Arc<TriangleMesh>,
+        transform: Affine3A,
+    ) -> bool {
+        match self.instances.get_mut(instance as usize) {
+            Some(slot) => {
+                *slot = Instance::new(mesh, transform);
+                true
+            }
+            None => false,
+        }
+    }
+
     /// Brings the upper tree's boxes up to date after moves.
     pub fn refit(&mut self) {
         for index in (0..self.tree.nodes.len()).rev() {

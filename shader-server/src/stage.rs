@@ -1,0 +1,342 @@
+//! A scene made ready for shading, in the state that edits have brought it to.
+
+use std::sync::Arc;
+
+use glam::{Affine3A, DAffine3, DMat3, DVec3, Mat3A, Vec3};
+use protocol::{
+    messages::{LightMove, ObjectMove},
+    scene::{Affine, Light, Material, Mesh, Scene, Shading, Texture},
+};
+use rayon::prelude::*;
+use rays::{TriangleMesh, World};
+
+use crate::lights::Emitter;
+
+/// A message refers to something that the scene does not have, or changes what it may not.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum StageError {
+    /// An index past its table.
+    #[error("{what} {index} does not exist: the scene has {count}")]
+    Index {
+        /// What the index is of.
+        what: &'static str,
+        /// The index.
+        index: u32,
+        /// Length of the table.
+        count: usize,
+    },
+    /// A light would become one of another kind.
+    #[error("light {light} cannot change its kind; send the scene anew")]
+    LightKind {
+        /// The light.
+        light: u32,
+    },
+}
+
+/// What edits do not change.
+struct Assets {
+    shading: Shading,
+    materials: Vec<Material>,
+    textures: Vec<Texture>,
+    meshes: Vec<Mesh>,
+}
+
+/// Where an object is.
+#[derive(Clone, Debug)]
+struct Placement {
+    mesh: u32,
+    material: u32,
+    to_world: DAffine3,
+    /// Inverse transpose of the linear part.
+    normal_to_world: DMat3,
+    /// Rounding of positions, relative to their size, in ulp.
+    rounding: f64,
+}
+
+/// A scene ready for rays: objects are instances 0.. of [`Stage::world`], area lights follow.
+#[derive(Clone)]
+pub struct Stage {
+    assets: Arc<Assets>,
+    placements: Vec<Placement>,
+    lights: Vec<Light>,
+    emitters: Vec<Emitter>,
+    /// Which light each instance after the objects' is.
+    light_of_instance: Vec<u32>,
+    world: World,
+}
+
+impl Stage {
+    /// Builds the trees, in parallel on the current rayon pool.
+    ///
+    /// # Errors
+    /// [`StageError::Index`] where an object names a mesh or a material that is not there.
+    pub fn build(scene: Scene) -> Result<Self, StageError> {
+        let Scene {
+            shading,
+            lights,
+            materials,
+            textures,
+            meshes,
+            objects,
+        } = scene;
+        for object in &objects {
+            check_index("mesh", object.mesh, meshes.len())?;
+            check_index("material", object.material, materials.len())?;
+        }
+        let trees: Vec<Arc<TriangleMesh>> = meshes
+            .par_iter()
+            .map(|mesh| {
+                let positions: Vec<Vec3> = mesh.positions.iter().map(|p| Vec3::from(*p)).collect();
+                Arc::new(TriangleMesh::build(&positions, &mesh.faces))
+            })
+            .collect();
+
+        let mut instances: Vec<(Arc<TriangleMesh>, Affine3A)> = objects
+            .iter()
+            .map(|object| {
+                (
+                    Arc::clone(&trees[object.mesh as usize]),
+                    affine(&object.transform),
+                )
+            })
+            .collect();
+        let placements = objects
+            .iter()
+            .map(|object| Placement::new(object.mesh, object.material, &object.transform))
+            .collect();
+        let mut emitters = Vec::with_capacity(lights.len());
+        let mut light_of_instance = Vec::new();
+        for (index, light) in lights.iter().enumerate() {
+            emitters.push(Emitter::new(light, instances.len() as u32));
+            if let Some(mesh) = light_mesh(light) {
+                instances.push((mesh, Affine3A::IDENTITY));
+                light_of_instance.push(index as u32);
+            }
+        }
+        let assets = Arc::new(Assets {
+            shading,
+            materials,
+            textures,
+            meshes,
+        });
+        let world = World::new(instances);
+        Ok(Self {
+            assets,
+            placements,
+            lights,
+            emitters,
+            light_of_instance,
+            world,
+        })
+    }
+
+    /// The same scene after an edit.
+    ///
+    /// # Errors
+    /// Where the edit names an object or a light that is not there, or changes a light's kind.
+    pub fn edited(&self, objects: &[ObjectMove], lights: &[LightMove]) -> Result<Self, StageError> {
+        let mut stage = self.clone();
+        for change in objects {
+            check_index("object", change.object, stage.placements.len())?;
+            let slot = &mut stage.placements[change.object as usize];
+            *slot = Placement::new(slot.mesh, slot.material, &change.transform);
+            stage
+                .world
+                .set_transform(change.object, affine(&change.transform));
+        }
+        for change in lights {
+            check_index("light", change.light, stage.lights.len())?;
+            stage.change_light(change)?;
+        }
+        stage.world.refit();
+        Ok(stage)
+    }
+
+    fn change_light(&mut self, change: &LightMove) -> Result<(), StageError> {
+        let slot = &mut self.lights[change.light as usize];
+        if std::mem::discriminant(slot) != std::mem::discriminant(&change.value) {
+            return Err(StageError::LightKind {
+                light: change.light,
+            });
+        }
+        *slot = change.value.clone();
+        let place = self
+            .light_of_instance
+            .iter()
+            .position(|light| *light == change.light);
+        let instance = (self.placements.len() + place.unwrap_or(0)) as u32;
+        self.emitters[change.light as usize] = Emitter::new(&change.value, instance);
+        if let Some(mesh) = light_mesh(&change.value) {
+            self.world.set_instance(instance, mesh, Affine3A::IDENTITY);
+        }
+        Ok(())
+    }
+
+    /// What rays are traced against.
+    #[must_use]
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// The lights, in the scene's order.
+    #[must_use]
+    pub fn emitters(&self) -> &[Emitter] {
+        &self.emitters
+    }
+
+    /// What holds for the whole scene.
+    #[must_use]
+    pub fn shading(&self) -> &Shading {
+        &self.assets.shading
+    }
+
+    /// The light that instance `instance` of the world is, if it is one.
+    #[must_use]
+    pub fn light_of(&self, instance: u32) -> Option<u32> {
+        let after = (instance as usize).checked_sub(self.placements.len())?;
+        self.light_of_instance.get(after).copied()
+    }
+
+    /// The surface at a hit of the world that is not a light's.
+    #[must_use]
+    pub fn surface(&self, hit: &rays::Hit) -> Option<Surface> {
+        let placement = self.placements.get(hit.instance as usize)?;
+        let mesh = self.assets.meshes.get(placement.mesh as usize)?;
+        let face = hit.face as usize;
+        let corner = |i: u32| Some(Vec3::from(*mesh.positions.get(i as usize)?).as_dvec3());
+        let [i, j, k] = *mesh.faces.get(face)?;
+        let [a, b, c] = [corner(i)?, corner(j)?, corner(k)?];
+        let [v, w] = hit.barycentric.map(f64::from);
+        let weights = [1. - v - w, v, w];
+        let position = a * weights[0] + b * weights[1] + c * weights[2];
+
+        let flat = (b - a).cross(c - a).normalize_or_zero();
+        let smooth = mesh
+            .face_normals
+            .get(face)
+            .and_then(|corners| interpolated_normal(mesh, corners, weights))
+            .unwrap_or(flat);
+        let to_world = |n: DVec3| (placement.normal_to_world * n).normalize_or_zero();
+        let extent = [a, b, c]
+            .map(|p| {
+                p.abs()
+                    .max_element()
+                    .max(placement.to_world.transform_point3(p).abs().max_element())
+            })
+            .into_iter()
+            .fold(0., f64::max);
+        Some(Surface {
+            position: placement.to_world.transform_point3(position),
+            normal: to_world(smooth),
+            face_normal: to_world(flat).as_vec3(),
+            clearance: (extent * placement.rounding * f64::from(f32::EPSILON)) as f32,
+            diffuse: self.diffuse(placement, mesh, face, weights),
+        })
+    }
+
+    fn diffuse(&self, placement: &Placement, mesh: &Mesh, face: usize, weights: [f64; 3]) -> Vec3 {
+        let index = mesh
+            .face_materials
+            .get(face)
+            .copied()
+            .unwrap_or(placement.material);
+        let Some(material) = self.assets.materials.get(index as usize) else {
+            return Vec3::ZERO;
+        };
+        let map = material
+            .diffuse_map
+            .and_then(|map| self.assets.textures.get(map as usize));
+        let base = Vec3::from(material.diffuse);
+        match (map, mesh.face_uvs.get(face)) {
+            (Some(map), Some(corners)) => {
+                let mut uv = [0.; 2];
+                for (corner, weight) in corners.iter().zip(weights) {
+                    let place = mesh.uvs.get(*corner as usize).copied().unwrap_or_default();
+                    uv[0] += weight * f64::from(place[0]);
+                    uv[1] += weight * f64::from(place[1]);
+                }
+                base * crate::texture::bilinear(map, uv.map(|x| x as f32))
+            }
+            _ => base,
+        }
+    }
+}
+
+/// A point of a surface as a ray met it.
+#[derive(Clone, Copy, Debug)]
+pub struct Surface {
+    /// World space, metres; in the plane of the face to double precision.
+    pub position: DVec3,
+    /// Unit shading normal, on either side.
+    pub normal: DVec3,
+    /// Unit normal of the face.
+    pub face_normal: Vec3,
+    /// How far along the face normal a ray in single precision must start to be clear of the face, metres.
+    pub clearance: f32,
+    /// Diffuse reflectance, linear.
+    pub diffuse: Vec3,
+}
+
+impl Placement {
+    fn new(mesh: u32, material: u32, transform: &Affine) -> Self {
+        let at = affine(transform);
+        let linear = DMat3::from_cols(
+            at.matrix3.x_axis.as_dvec3(),
+            at.matrix3.y_axis.as_dvec3(),
+            at.matrix3.z_axis.as_dvec3(),
+        );
+        let norm = |m: &DMat3| (m.x_axis.abs() + m.y_axis.abs() + m.z_axis.abs()).max_element();
+        let inverse = linear.inverse();
+        // Half an ulp for each of the point's rounding, its trip to object space (a few products, enlarged by the
+        // transform's condition) and the triangle test's differences; doubled.
+        let rounding = if at == Affine3A::IDENTITY {
+            4.
+        } else {
+            4. + 4. * norm(&linear) * norm(&inverse)
+        };
+        Self {
+            mesh,
+            material,
+            to_world: DAffine3 {
+                matrix3: linear,
+                translation: at.translation.as_dvec3(),
+            },
+            normal_to_world: inverse.transpose(),
+            rounding: if rounding.is_finite() { rounding } else { 4. },
+        }
+    }
+}
+
+fn check_index(what: &'static str, index: u32, count: usize) -> Result<(), StageError> {
+    if (index as usize) < count {
+        Ok(())
+    } else {
+        Err(StageError::Index { what, index, count })
+    }
+}
+
+fn interpolated_normal(mesh: &Mesh, corners: &[u32; 3], weights: [f64; 3]) -> Option<DVec3> {
+    let mut sum = DVec3::ZERO;
+    for (corner, weight) in corners.iter().zip(weights) {
+        sum += Vec3::from(*mesh.normals.get(*corner as usize)?).as_dvec3() * weight;
+    }
+    sum.try_normalize()
+}
+
+fn affine(rows: &Affine) -> Affine3A {
+    let column = |i: usize| Vec3::new(rows[0][i], rows[1][i], rows[2][i]);
+    Affine3A {
+        matrix3: Mat3A::from_cols(column(0).into(), column(1).into(), column(2).into()),
+        translation: column(3).into(),
+    }
+}
+
+/// The polygon of an area light as a fan; none for other lights.
+fn light_mesh(light: &Light) -> Option<Arc<TriangleMesh>> {
+    let Light::Area { vertices, .. } = light else {
+        return None;
+    };
+    let positions: Vec<Vec3> = vertices.iter().map(|v| Vec3::from(*v)).collect();
+    let faces: Vec<[u32; 3]> = (2..vertices.len() as u32).map(|i| [0, i - 1, i]).collect();
+    Some(Arc::new(TriangleMesh::build(&positions, &faces)))
+}
