@@ -1,16 +1,19 @@
 //! From boundary crossings to edge codes (paper section 4.5, "Edge reconstruction").
 
+use fearless_simd::{Level, dispatch, prelude::*};
+use fearless_simd_macros::simd;
+
 use super::Counts;
 use super::code::EdgeCode;
-use super::dispatch::{Kernel, dispatch};
 use super::image::Epi;
 use crate::edges::crossings::Crossings;
 
 /// Classifies every pixel: sets `epi`'s codes, its planes of simple and complex pixels and its counts, and resizes it if
 /// need be. The primary regions are those of the last frame until [`Epi::set_primary`] is called.
-pub fn classify(crossings: &Crossings, epi: &mut Epi) {
+/// The result does not depend on `level`.
+pub fn classify(level: Level, crossings: &Crossings, epi: &mut Epi) {
     epi.resize(crossings.width, crossings.height);
-    dispatch(Classify { crossings, epi });
+    dispatch!(level, simd => classify_rows(simd, crossings, epi));
 }
 
 /// Joins the masks on the top, right, bottom and left boundary (bits along +x or +y) to one that runs clockwise from the
@@ -22,11 +25,6 @@ pub fn clockwise([top, right, bottom, left]: [u8; 4]) -> u32 {
     u32::from(top) | u32::from(right) << 8 | u32::from(reversed) << 16
 }
 
-struct Classify<'a> {
-    crossings: &'a Crossings,
-    epi: &'a mut Epi,
-}
-
 /// The four boundary rows of up to 64 pixels.
 struct Row<'a> {
     top: &'a [u8],
@@ -35,45 +33,48 @@ struct Row<'a> {
     left: &'a [u8],
 }
 
-impl Kernel for Classify<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let Self { crossings, epi } = self;
-        let width = crossings.width;
-        let mut counts = Counts::default();
-        for y in 0..crossings.height {
-            let top = &crossings.horizontal[y * width..][..width];
-            let bottom = &crossings.horizontal[(y + 1) * width..][..width];
-            let vertical = &crossings.vertical[y * (width + 1)..][..width + 1];
-            for word in 0..width.div_ceil(64) {
-                let range = 64 * word..width.min(64 * word + 64);
-                let row = Row {
-                    top: &top[range.clone()],
-                    right: &vertical[1..][range.clone()],
-                    bottom: &bottom[range.clone()],
-                    left: &vertical[range],
-                };
-                let (simple, complex) = classify_word(&row, epi, y, word);
-                counts.simple += simple.count_ones() as usize;
-                counts.complex += complex.count_ones() as usize;
-            }
+#[simd]
+fn classify_rows<S: Simd>(simd: S, crossings: &Crossings, epi: &mut Epi) {
+    let width = crossings.width;
+    let mut counts = Counts::default();
+    for y in 0..crossings.height {
+        let top = &crossings.horizontal[y * width..][..width];
+        let bottom = &crossings.horizontal[(y + 1) * width..][..width];
+        let vertical = &crossings.vertical[y * (width + 1)..][..width + 1];
+        for word in 0..width.div_ceil(64) {
+            let range = 64 * word..width.min(64 * word + 64);
+            let row = Row {
+                top: &top[range.clone()],
+                right: &vertical[1..][range.clone()],
+                bottom: &bottom[range.clone()],
+                left: &vertical[range],
+            };
+            let (simple, complex) = classify_word(simd, &row, epi, (word, y));
+            counts.simple += simple.count_ones() as usize;
+            counts.complex += complex.count_ones() as usize;
         }
-        counts.empty = width * crossings.height - counts.simple - counts.complex;
-        epi.counts = counts;
     }
+    counts.empty = width * crossings.height - counts.simple - counts.complex;
+    epi.counts = counts;
 }
 
 #[inline(always)]
-fn classify_word(row: &Row, epi: &mut Epi, y: usize, word: usize) -> (u64, u64) {
+fn classify_word<S: Simd>(
+    simd: S,
+    row: &Row,
+    epi: &mut Epi,
+    (word, y): (usize, usize),
+) -> (u64, u64) {
     let i = y * epi.grid.words + word;
     let first = epi.grid.at(64 * word, y);
     if epi.simple[i] | epi.complex[i] != 0 {
         epi.code[first..first + 64].fill(EdgeCode::EMPTY.0);
+        for centre in &mut epi.centre_px {
+            centre[first..first + 64].fill(0.5);
+        }
     }
     let mut planes = Planes::default();
-    let mut crossed = crossed(row);
+    let mut crossed = crossed(simd, row);
     while crossed != 0 {
         let x = crossed.trailing_zeros() as usize;
         let mask = clockwise([row.top[x], row.right[x], row.bottom[x], row.left[x]]);
@@ -91,21 +92,23 @@ fn classify_word(row: &Row, epi: &mut Epi, y: usize, word: usize) -> (u64, u64) 
     (planes.simple, planes.complex)
 }
 
-/// Bit mask of the pixels that have a crossing on their boundary. Most rows have none: that is found out first.
+/// Bit mask of the pixels that have a crossing on their boundary.
 #[inline(always)]
-fn crossed(row: &Row) -> u64 {
-    let boundaries = row
-        .top
-        .iter()
-        .zip(row.right)
-        .zip(row.bottom.iter().zip(row.left));
-    let any = |((t, r), (b, l)): ((&u8, &u8), (&u8, &u8))| t | r | b | l;
-    if boundaries.clone().fold(0, |all, sides| all | any(sides)) == 0 {
-        return 0;
+fn crossed<S: Simd>(simd: S, row: &Row) -> u64 {
+    let lanes = S::u8s::LEN;
+    let width = row.top.len();
+    let mut mask = 0;
+    let whole = width - width % lanes;
+    for x in (0..whole).step_by(lanes) {
+        let load = |bytes: &[u8]| S::u8s::from_slice(simd, &bytes[x..x + lanes]);
+        let any = load(row.top) | load(row.right) | load(row.bottom) | load(row.left);
+        mask |= (!any.simd_eq(S::u8s::splat(simd, 0))).to_bitmask() << x;
     }
-    boundaries
-        .enumerate()
-        .fold(0, |mask, (x, sides)| mask | u64::from(any(sides) != 0) << x)
+    for x in whole..width {
+        let any = row.top[x] | row.right[x] | row.bottom[x] | row.left[x];
+        mask |= u64::from(any != 0) << x;
+    }
+    mask
 }
 
 #[derive(Default)]

@@ -19,8 +19,10 @@ pub struct Counts {
 pub struct SamplePlaces<'a> {
     /// Bit plane: the pixel has a sample.
     pub present: &'a [u64],
-    /// Element array: cell of the sample in its pixel ([`Places::cell`]), read only where a sample is present.
-    pub place: &'a [u8],
+    /// Element array: place in the pixel, x to the right, [0, 1), read only where a sample is present.
+    pub x: &'a [f32],
+    /// The same, y down.
+    pub y: &'a [f32],
 }
 
 /// The edge-and-point image (paper section 4.4) in structure-of-arrays form.
@@ -46,6 +48,8 @@ pub struct Epi {
     pub has_sample: Vec<u64>,
     /// Bit plane: the pixel has a sample of which the side of the edge is not known.
     pub ambiguous: Vec<u64>,
+    /// Element arrays: centroid of the primary region, x and y, pixels from the pixel's top-left corner.
+    pub centre_px: [Vec<f32>; 2],
     /// Pixels of each kind.
     pub counts: Counts,
     /// Bit planes: corners 1, 2 and 3 lie in the inner region (corner 0 never does). Simple pixels only.
@@ -67,6 +71,7 @@ impl Epi {
             corner: Default::default(),
             has_sample: Vec::new(),
             ambiguous: Vec::new(),
+            centre_px: Default::default(),
             counts: Counts::default(),
             inner_corner: Default::default(),
             inner_larger: Vec::new(),
@@ -85,6 +90,10 @@ impl Epi {
         self.grid = grid;
         self.code.clear();
         self.code.resize(grid.elements(), EdgeCode::EMPTY.0);
+        for centre in &mut self.centre_px {
+            centre.clear();
+            centre.resize(grid.elements(), 0.5);
+        }
         let planes = [
             &mut self.simple,
             &mut self.complex,
@@ -143,15 +152,22 @@ impl Epi {
         let present = samples.present[i] & self.grid.valid(word);
         let mut primary = self.inner_larger[i];
         let mut ambiguous = 0;
-        let mut left = present & self.simple[i];
+        let mut left = self.simple[i];
         while left != 0 {
             let bit = left & left.wrapping_neg();
             let at = self.grid.at(64 * word + left.trailing_zeros() as usize, y);
-            match self.tables.side(EdgeCode(self.code[at]), samples.place[at]) {
-                Side::Inner => primary |= bit,
-                Side::Outer => primary &= !bit,
-                Side::Ambiguous => ambiguous |= bit,
+            let code = EdgeCode(self.code[at]);
+            if present & bit != 0 {
+                let cell = self.tables.places().cell(samples.x[at], samples.y[at]);
+                match self.tables.side(code, cell) {
+                    Side::Inner => primary |= bit,
+                    Side::Outer => primary &= !bit,
+                    Side::Ambiguous => ambiguous |= bit,
+                }
             }
+            let centre = self.tables.centroid_px(code, primary & bit != 0);
+            self.centre_px[0][at] = centre[0];
+            self.centre_px[1][at] = centre[1];
             left ^= bit;
         }
         self.primary_inner[i] = primary;

@@ -10,7 +10,6 @@
 
 pub mod classify;
 pub mod code;
-pub mod dispatch;
 mod geometry;
 pub mod grid;
 mod image;
@@ -19,5 +18,7 @@ pub mod reach_tables;
 
 #[cfg(test)]
 pub(crate) mod testing;
+#[cfg(test)]
+pub(crate) mod timing;
 
 pub use image::{Counts, Epi, SamplePlaces};

@@ -1,12 +1,15 @@
 //! Random images for the tests of this folder and of the filters.
 
+use fearless_simd::Level;
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed};
 
 use super::classify::classify;
 use super::code::Places;
+use super::grid::Grid;
 use super::image::{Epi, SamplePlaces};
 use crate::edges::crossings::Crossings;
+use crate::points::PixelSamples;
 
 /// Fixed seed, no files.
 pub(crate) fn config(cases: u32, seed: u64) -> Config {
@@ -117,36 +120,37 @@ pub(crate) fn lines(width: usize, height: usize, count: usize, random: &mut Rand
     crossings
 }
 
-/// Present plane and places of random samples.
-pub(crate) fn random_samples(epi: &Epi, share: f64, random: &mut Random) -> (Vec<u64>, Vec<u8>) {
-    let grid = epi.grid;
-    let mut present = vec![0; grid.plane_words()];
-    let mut place = vec![0; grid.elements()];
-    let cells = epi.tables().places().per_axis().pow(2) as u64;
-    for y in 0..grid.height {
-        for x in 0..grid.width {
-            let (word, bit) = grid.bit(x, y);
-            present[word] |= u64::from(random.chance(share)) << bit;
-            place[grid.at(x, y)] = (random.next() % cells) as u8;
-        }
+/// Samples at random places, each pixel with this chance; black.
+pub(crate) fn random_samples(grid: Grid, share: f64, random: &mut Random) -> PixelSamples {
+    let mut samples = PixelSamples::new(grid);
+    for (x, y) in (0..grid.height).flat_map(|y| (0..grid.width).map(move |x| (x, y))) {
+        let ((word, bit), at) = (grid.bit(x, y), grid.at(x, y));
+        samples.has[word] |= u64::from(random.chance(share)) << bit;
+        samples.x[at] = random.unit() as f32;
+        samples.y[at] = random.unit() as f32;
     }
-    (present, place)
+    samples
+}
+
+/// Where they lie.
+pub(crate) fn places(samples: &PixelSamples) -> SamplePlaces<'_> {
+    SamplePlaces {
+        present: &samples.has,
+        x: &samples.x,
+        y: &samples.y,
+    }
 }
 
 /// A classified image with random samples.
 pub(crate) fn image(
     crossings: &Crossings,
-    samples: f64,
-    places: Places,
+    share: f64,
+    places_bits: Places,
     random: &mut Random,
 ) -> Epi {
-    let mut epi = Epi::new(crossings.width, crossings.height, places);
-    classify(crossings, &mut epi);
-    let (present, place) = random_samples(&epi, samples, random);
-    epi.set_primary(&SamplePlaces {
-        present: &present,
-        place: &place,
-    });
+    let mut epi = Epi::new(crossings.width, crossings.height, places_bits);
+    classify(Level::new(), crossings, &mut epi);
+    epi.set_primary(&places(&random_samples(epi.grid, share, random)));
     epi
 }
 

@@ -26,11 +26,11 @@ proptest! {
     fn equals_the_rules_one_by_one(first in any_crossings(), crossings in any_crossings()) {
         let mut epi = Epi::new(first.width, first.height, Places::Bits4);
         // Nothing of an earlier frame may stay, whatever its size.
-        classify(&first, &mut epi);
+        classify(Level::new(), &first, &mut epi);
         let mut same_size = Crossings::new(crossings.width, crossings.height);
         same_size.horizontal.fill(255);
-        classify(&same_size, &mut epi);
-        classify(&crossings, &mut epi);
+        classify(Level::new(), &same_size, &mut epi);
+        classify(Level::new(), &crossings, &mut epi);
         let mut counts = Counts::default();
         for (x, y) in (0..crossings.height).flat_map(|y| (0..crossings.width).map(move |x| (x, y))) {
             let found = crossings_of(&crossings, x, y);

@@ -1,11 +1,13 @@
 use proptest::prelude::*;
 
-use super::super::code::{Class, EdgeCode, Places};
-use super::super::geometry::Boundary;
-use super::super::reach_tables::{TABLES, mirrored, neighbour_relation, reach_by_tables, relation};
-use super::super::testing::{Random, any_crossings, config, image, random_crossings};
 use super::*;
 use crate::edges::crossings::Crossings;
+use crate::epi::code::{Class, EdgeCode, Places};
+use crate::epi::geometry::Boundary;
+use crate::epi::reach_tables::{
+    OFFSETS, TABLES, mirrored, neighbour_relation, reach_by_tables, relation,
+};
+use crate::epi::testing::{Random, any_crossings, config, image, random_crossings};
 
 fn assert_equals_tables(epi: &Epi, map: &ReachMap) -> Result<(), TestCaseError> {
     let (width, height) = (epi.grid.width, epi.grid.height);
@@ -14,14 +16,14 @@ fn assert_equals_tables(epi: &Epi, map: &ReachMap) -> Result<(), TestCaseError> 
         for (i, &(dx, dy)) in OFFSETS.iter().enumerate() {
             let mask = reach[y * width + x];
             prop_assert_eq!(
-                map.reachable(x, y, dx, dy),
+                map.reachable_at((x, y), (dx, dy)),
                 mask >> i & 1 != 0,
                 "{:?}",
                 (x, y, dx, dy)
             );
             let opposite = mask >> (12 + i) & 1 != 0;
             prop_assert_eq!(
-                map.reachable(x, y, -dx, -dy),
+                map.reachable_at((x, y), (-dx, -dy)),
                 opposite,
                 "{:?}",
                 (x, y, -dx, -dy)
@@ -48,12 +50,12 @@ proptest! {
     fn bit_slicing_equals_tables(crossings in any_crossings(), share in 0.0..1.0f64, seed: u64) {
         let epi = image(&crossings, share, Places::Bits4, &mut Random::new(seed));
         let mut map = ReachMap::new(7, 3);
-        map.compute(&epi);
+        map.compute(Level::new(), &epi);
         assert_equals_tables(&epi, &map)?;
         assert_no_bits_outside(&map)?;
         // A map that is used again gives the same.
         let before = map.planes.clone();
-        map.compute(&epi);
+        map.compute(Level::new(), &epi);
         prop_assert_eq!(before, map.planes);
     }
 
@@ -61,9 +63,8 @@ proptest! {
     fn portable_and_dispatched_code_agree(crossings in any_crossings(), seed: u64) {
         let epi = image(&crossings, 0.3, Places::Bits4, &mut Random::new(seed));
         let (mut fast, mut plain) = (ReachMap::new(1, 1), ReachMap::new(1, 1));
-        fast.compute(&epi);
-        plain.resize(epi.grid);
-        Reach { epi: &epi, map: &mut plain }.run();
+        fast.compute(Level::new(), &epi);
+        plain.compute(Level::baseline(), &epi);
         prop_assert_eq!(fast.planes, plain.planes);
     }
 
@@ -71,7 +72,7 @@ proptest! {
     fn steps_equal_the_neighbour_tables(crossings in any_crossings(), seed: u64) {
         let epi = image(&crossings, 0.5, Places::Bits4, &mut Random::new(seed));
         let mut map = ReachMap::new(1, 1);
-        map.compute(&epi);
+        map.compute(Level::new(), &epi);
         for (x, y) in (0..epi.grid.height).flat_map(|y| (0..epi.grid.width).map(move |x| (x, y))) {
             let (word, bit) = epi.grid.bit(x, y);
             for (planes, step) in [(&map.steps.right, (1, 0)), (&map.steps.down, (0, 1))] {
@@ -106,13 +107,13 @@ fn empty_image_is_reachable_up_to_its_border() {
         &mut Random::new(1),
     );
     let mut map = ReachMap::new(65, 3);
-    map.compute(&epi);
+    map.compute(Level::new(), &epi);
     for (x, y) in (0..3).flat_map(|y| (0..65).map(move |x| (x, y))) {
         for (dx, dy) in (-2..=2).flat_map(|dy| (-2..=2).map(move |dx| (dx, dy))) {
             let inside = (0..65).contains(&(x + dx)) && (0..3).contains(&(y + dy));
             let expected = inside && (dx, dy) != (0, 0);
             assert_eq!(
-                map.reachable(x as usize, y as usize, dx, dy),
+                map.reachable_at((x as usize, y as usize), (dx, dy)),
                 expected,
                 "{:?}",
                 (x, y, dx, dy)
@@ -191,17 +192,17 @@ fn never_reaches_across_an_edge() {
     let (mut reached, mut missed) = (0, 0);
     for case in 0..600 {
         let crossings = match case % 3 {
-            0 => super::super::testing::lines(5, 5, 1 + case % 4, random),
+            0 => crate::epi::testing::lines(5, 5, 1 + case % 4, random),
             1 => random_crossings(5, 5, 0.3, random),
             _ => random_crossings(5, 5, 0.5, random),
         };
         let epi = image(&crossings, 0.5, Places::Bits4, random);
         let mut map = ReachMap::new(5, 5);
-        map.compute(&epi);
+        map.compute(Level::new(), &epi);
         let flooded = flood(&epi);
         for (dx, dy) in (-2..=2).flat_map(|dy| (-2..=2).map(move |dx| (dx, dy))) {
             let oracle = flooded[(dy + 2) as usize][(dx + 2) as usize] && (dx, dy) != (0, 0);
-            let found = map.reachable(2, 2, dx, dy);
+            let found = map.reachable_at((2, 2), (dx, dy));
             assert!(
                 oracle || !found,
                 "reached {:?} across an edge, case {case}",
