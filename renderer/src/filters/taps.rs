@@ -1,8 +1,5 @@
 //! Which of its 5x5 neighbours each pixel may read: reachability and samples put together, 64 pixels at a time.
 
-use crate::epi::reach::ReachMap;
-use crate::epi::reach_tables::OFFSETS as HALF_PLANE;
-
 /// Offsets of the 5x5 neighbourhood: the centre, the 8 around it, then the 16 of the outer ring.
 pub const OFFSETS: [(i32, i32); 25] = [
     (0, 0),
@@ -43,22 +40,6 @@ pub trait Reach {
     /// Bits of 64 pixels from `word` on in row `y`: whether the primary region at `(dx, dy)` from each is reachable from
     /// its own; any offset of the 5x5 neighbourhood but (0, 0).
     fn reachable(&self, offset: (i32, i32), word: usize, y: usize) -> u64;
-}
-
-impl Reach for ReachMap {
-    #[inline]
-    fn reachable(&self, offset: (i32, i32), word: usize, y: usize) -> u64 {
-        let words = self.grid.words;
-        let opposite = (-offset.0, -offset.1);
-        match HALF_PLANE.iter().position(|&o| o == offset) {
-            Some(i) => self.planes[i][y * words + word],
-            None => match HALF_PLANE.iter().position(|&o| o == opposite) {
-                // The neighbour there reaches this pixel over the opposite offset.
-                Some(i) => shifted(&self.planes[i], words, word, y, offset),
-                None => 0,
-            },
-        }
-    }
 }
 
 /// Word `word` of row `y` of a bit plane as seen `dx` pixels to the right and `dy` down; 0 outside.

@@ -1,5 +1,6 @@
 //! The edge stages of a frame: found, hidden ones left out, drawn into crossings.
 
+use fearless_simd::Level;
 use protocol::scene::Scene;
 
 use crate::camera::View;
@@ -32,9 +33,9 @@ impl EdgeStage {
     }
 
     /// Classifies.
-    pub fn classify(&mut self, epi: &mut Epi) {
+    pub fn classify(&mut self, level: Level, epi: &mut Epi) {
         if std::mem::take(&mut self.changed) {
-            classify(&self.crossings, epi);
+            classify(level, &self.crossings, epi);
         }
     }
 

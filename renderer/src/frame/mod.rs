@@ -37,12 +37,12 @@ pub struct Display {
     seed: u64,
     grid: Grid,
     view: Option<View>,
+    stale: bool,
     view_number: u32,
     cache: PointCache,
     projected: Projected,
     seen: Vec<bool>,
     pixels: PixelSamples,
-    cells: Vec<u8>,
     still: Still,
     edges: EdgeStage,
     epi: Epi,
@@ -79,12 +79,12 @@ impl Display {
             seed,
             grid,
             view: None,
+            stale: true,
             view_number: 0,
             cache: PointCache::new(capacity),
             projected: Projected::new(capacity),
             seen: vec![false; capacity],
             pixels: PixelSamples::new(grid),
-            cells: vec![0; grid.elements()],
             still: Still::new(grid),
             edges: EdgeStage::new(scene, choices, grid),
             epi: Epi::new(grid.width, grid.height, places),
@@ -104,15 +104,22 @@ impl Display {
         }
     }
 
+    /// Says where the first frame will be drawn from, before any samples come in.
+    pub fn begin(&mut self, view: &View, view_number: u32) {
+        self.view = Some(*view);
+        self.view_number = view_number;
+    }
+
     /// Draws the frame for this view from what the cache holds. `view_number` is the number under which the servers know
     /// the view: samples asked for under it may be averaged while it lasts.
     pub fn draw(&mut self, view: &View, view_number: u32) {
-        let moved = self.view != Some(*view);
+        let moved = self.view != Some(*view) || self.stale;
         self.view_number = view_number;
-        if moved {
+        if self.view != Some(*view) {
             self.view = Some(*view);
             self.still.clear();
         }
+        self.stale = false;
         let settling = self.choices.settle.is_on();
         if moved || !settling {
             self.reproject(view);
@@ -120,10 +127,10 @@ impl Display {
         let mut ms = std::mem::take(&mut self.stage_ms);
         if self.choices.edges() {
             self.edges.find(view, moved, &self.pixels, &mut ms);
-            ms.time(Stage::Classify, || self.edges.classify(&mut self.epi));
+            ms.time(Stage::Classify, || self.edges.classify(self.level, &mut self.epi));
         }
         ms.time(Stage::Classify, || self.settle_primary());
-        ms.time(Stage::Reach, || self.reach.compute(&self.epi));
+        ms.time(Stage::Reach, || self.reach.compute(self.level, &self.epi));
         ms.time(Stage::Interpolate, || self.interpolate());
         for (to, from) in self.image.iter_mut().zip(&self.interpolated.rgb) {
             to.copy_from_slice(from);
@@ -180,15 +187,8 @@ impl Display {
             self.pixels.has[word] |= 1 << bit;
         }
         self.still.forget_changed();
-        let places = self.epi.tables().places();
-        for_each_bit(grid, &self.epi.simple, |x, y| {
-            let at = grid.at(x, y);
-            self.cells[at] = places.cell(self.pixels.x[at], self.pixels.y[at]);
-        });
-        self.epi.set_primary(&SamplePlaces {
-            present: &self.pixels.has,
-            place: &self.cells,
-        });
+        let (x, y) = (&self.pixels.x, &self.pixels.y);
+        self.epi.set_primary(&SamplePlaces { present: &self.pixels.has, x, y });
         let Self { epi, centre, .. } = self;
         for_each_bit(grid, &epi.simple, |x, y| {
             let (word, bit) = grid.bit(x, y);

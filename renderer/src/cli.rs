@@ -1,0 +1,199 @@
+//! What was typed: the command line of the display.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand};
+
+use crate::config::Choices;
+
+/// Looks at expensive lighting interactively: sharp pictures from sparse samples and analytic edges.
+#[derive(Debug, Parser)]
+#[command(version, args_conflicts_with_subcommands = true)]
+pub struct Cli {
+    /// What to do; with no command a window opens
+    #[command(subcommand)]
+    pub command: Option<Command>,
+    /// What the window shows
+    #[command(flatten)]
+    pub window: WindowArgs,
+}
+
+/// Commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Render frames to files, without a window
+    Render(Box<RenderArgs>),
+    /// Run as a shader server (what the display starts by itself)
+    #[command(name = "shader-server", disable_help_flag = true, hide = true)]
+    ShaderServer {
+        /// As for the shader-server program
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        args: Vec<std::ffi::OsString>,
+    },
+}
+
+/// Where samples come from.
+#[derive(Args, Clone, Debug)]
+pub struct ServerArgs {
+    /// Shader servers to use, HOST:PORT, instead of starting one
+    #[arg(long, num_args = 1.., value_name = "ADDR", conflicts_with = "shader")]
+    pub connect: Vec<String>,
+    /// Program to start as shader server instead of the one built in
+    #[arg(long, value_name = "PATH")]
+    pub shader: Option<PathBuf>,
+    /// How many shader servers to start
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=64))]
+    pub servers: u16,
+    /// Threads of each shader server that is started (default: all cores, shared among them)
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub shader_threads: Option<u16>,
+}
+
+/// Options of the window.
+#[derive(Args, Clone, Debug)]
+pub struct WindowArgs {
+    /// Scene file (.toml), mesh file (.obj, .ply), or the name of a built-in scene
+    pub scene: Option<String>,
+    /// Size of the window, pixels
+    #[arg(long, default_value = "768x768", value_parser = parse_size, value_name = "WxH")]
+    pub size: (u32, u32),
+    /// Most samples to ask for in a frame (default: as many as the servers manage)
+    #[arg(long, value_name = "K")]
+    pub samples_per_frame: Option<usize>,
+    /// Where frames go if there is no display server, and screenshots
+    #[arg(long, default_value = "out", value_name = "DIR")]
+    pub out: PathBuf,
+    /// Seed of everything random
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Threads of the display itself
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: u16,
+    /// Where samples come from
+    #[command(flatten)]
+    pub servers: ServerArgs,
+    /// How pictures are made
+    #[command(flatten)]
+    pub choices: Choices,
+}
+
+/// Options of `render`.
+#[derive(Args, Clone, Debug)]
+pub struct RenderArgs {
+    /// Scene file (.toml), mesh file (.obj, .ply), or the name of a built-in scene
+    pub scene: String,
+    /// Directory for the frames; made if it is not there
+    #[arg(long, value_name = "DIR")]
+    pub out: PathBuf,
+    /// Camera path of the scene to follow; without one the camera stands still
+    #[arg(long, value_name = "NAME")]
+    pub path: Option<String>,
+    /// Frames a second of the path's time
+    #[arg(long, default_value_t = 30.0, value_name = "RATE")]
+    pub fps: f32,
+    /// Frames to render
+    #[arg(long, default_value_t = 1, value_name = "N")]
+    pub frames: usize,
+    /// Size of the frames, pixels
+    #[arg(long, default_value = "512x512", value_parser = parse_size, value_name = "WxH")]
+    pub size: (u32, u32),
+    /// Seed of everything random
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Samples to ask for in each frame (default: 2 % of the pixels)
+    #[arg(long, value_name = "K")]
+    pub samples_per_frame: Option<usize>,
+    /// Let each frame wait for its samples: the same pictures whatever the machine
+    #[arg(long)]
+    pub lockstep: bool,
+    /// Samples a pixel of `--method reference`
+    #[arg(long, default_value_t = 64, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    pub spp: u32,
+    /// Also write linear radiance as OpenEXR
+    #[arg(long)]
+    pub exr: bool,
+    /// Which frames become files: all, last, none or every:N
+    #[arg(long, default_value = "all", value_parser = parse_write, value_name = "WHICH")]
+    pub write: Write,
+    /// Threads of the display itself
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: u16,
+    /// Write a JSON line a frame here
+    #[arg(long, value_name = "FILE")]
+    pub stats: Option<PathBuf>,
+    /// Where samples come from
+    #[command(flatten)]
+    pub servers: ServerArgs,
+    /// How pictures are made
+    #[command(flatten)]
+    pub choices: Choices,
+}
+
+/// Which frames become files.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Write {
+    /// Each.
+    All,
+    /// The last alone.
+    Last,
+    /// None.
+    None,
+    /// Frames 0, N, 2N and so on.
+    Every(usize),
+}
+
+impl Write {
+    /// Whether this frame of so many becomes a file.
+    pub fn wants(self, frame: usize, frames: usize) -> bool {
+        match self {
+            Self::All => true,
+            Self::Last => frame + 1 == frames,
+            Self::None => false,
+            Self::Every(n) => frame.is_multiple_of(n),
+        }
+    }
+}
+
+fn parse_write(text: &str) -> Result<Write, String> {
+    match text {
+        "all" => Ok(Write::All),
+        "last" => Ok(Write::Last),
+        "none" => Ok(Write::None),
+        _ => match text.strip_prefix("every:").map(str::parse::<usize>) {
+            Some(Ok(n)) if n > 0 => Ok(Write::Every(n)),
+            _ => Err("give all, last, none or every:N with N at least 1".into()),
+        },
+    }
+}
+
+fn parse_size(text: &str) -> Result<(u32, u32), String> {
+    let parts = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    match parts {
+        Some((w, h)) if (1..=16_384).contains(&w) && (1..=16_384).contains(&h) => Ok((w, h)),
+        _ => Err("give WIDTHxHEIGHT, each from 1 to 16384, such as 512x512".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sizes_and_frames_to_write_are_read() {
+        assert_eq!(parse_size("512x384"), Ok((512, 384)));
+        for bad in ["", "512", "0x5", "5x-5", "99999x1", "512x512x3"] {
+            assert!(parse_size(bad).is_err(), "{bad}");
+        }
+        assert_eq!(parse_write("every:10"), Ok(Write::Every(10)));
+        assert!(parse_write("every:0").is_err() && parse_write("some").is_err());
+        let wanted = |w: Write| (0..4).filter(|&f| w.wants(f, 4)).collect::<Vec<_>>();
+        assert_eq!(wanted(Write::Every(2)), [0, 2]);
+        assert_eq!(wanted(Write::Last), [3]);
+    }
+
+    #[test]
+    fn the_command_line_is_well_formed() {
+        use clap::CommandFactory;
+        Cli::command().debug_assert();
+    }
+}

@@ -1,0 +1,185 @@
+//! `render`: frames to files, without a window.
+
+mod brute;
+mod output;
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use protocol::messages::Camera;
+use scenes::{CameraPath, LoadedScene};
+
+use crate::camera::View;
+use crate::cli::RenderArgs;
+use crate::config::Method;
+use crate::frame::{Display, Wanted};
+use crate::servers::{Servers, ServersError};
+use crate::tone::ToneMap;
+pub use output::OutputError;
+use output::Output;
+
+/// Share of the pixels that are asked for in a frame unless told otherwise: the paper's 1-3 %.
+const DEFAULT_SHARE: f64 = 0.02;
+
+/// Why frames could not be rendered.
+#[derive(Debug, thiserror::Error)]
+pub enum RenderError {
+    /// The scene has no such camera path.
+    #[error("the scene has no path named `{name}`; it has {known}")]
+    NoPath {
+        /// What was asked for.
+        name: String,
+        /// What there is.
+        known: String,
+    },
+    /// A file could not be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    /// No samples are to be had.
+    #[error(transparent)]
+    Servers(#[from] ServersError),
+}
+
+/// What a run came to, for people.
+#[derive(Clone, Debug)]
+pub struct Summary {
+    /// Frames rendered.
+    pub frames: usize,
+    /// Median of the frames' stage totals, ms.
+    pub median_ms: f64,
+    /// Samples taken in over the run.
+    pub samples: u64,
+    /// From start to end, waiting included.
+    pub elapsed: Duration,
+    /// The last file written, if any was.
+    pub last_file: Option<PathBuf>,
+}
+
+/// Where the camera is in each frame.
+pub struct Flight<'a> {
+    scene: &'a LoadedScene,
+    path: Option<&'a CameraPath>,
+    fps: f32,
+    size: (u32, u32),
+}
+
+impl<'a> Flight<'a> {
+    /// Follows a path of the scene, or stands where its camera stands.
+    ///
+    /// # Errors
+    /// If the scene has no path of that name.
+    pub fn new(scene: &'a LoadedScene, args: &RenderArgs) -> Result<Self, RenderError> {
+        let path = args.path.as_ref().map(|name| {
+            scene.path(name).ok_or_else(|| {
+                let names: Vec<&str> = scene.paths.iter().map(|p| p.name.as_str()).collect();
+                let known = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
+                RenderError::NoPath { name: name.clone(), known }
+            })
+        });
+        let fps = if args.fps.is_finite() && args.fps > 0.0 { args.fps } else { 30.0 };
+        Ok(Self { scene, path: path.transpose()?, fps, size: args.size })
+    }
+
+    /// The camera of a frame.
+    pub fn camera(&self, frame: usize) -> Camera {
+        let start = &self.scene.camera;
+        let (eye, target) = match self.path {
+            Some(path) => {
+                let key = path.at_seconds(frame as f32 / self.fps);
+                (key.eye, key.target)
+            }
+            None => (start.eye, start.target),
+        };
+        Camera { eye, target, up: start.up, fov_y: start.fov_y, width: self.size.0, height: self.size.1 }
+    }
+}
+
+/// Renders what the arguments ask for.
+///
+/// # Errors
+/// If the path is unknown, a file cannot be written, or no server can be had.
+pub fn render(
+    scene: &LoadedScene,
+    args: &RenderArgs,
+    servers: &mut Servers,
+) -> Result<Summary, RenderError> {
+    let flight = Flight::new(scene, args)?;
+    let mut output = Output::new(args)?;
+    let start = Instant::now();
+    let mut totals = Vec::with_capacity(args.frames);
+    let mut samples = 0;
+    match args.choices.method {
+        Method::Full | Method::Reference => {
+            for frame in 0..args.frames {
+                let stats = brute::frame(&flight, frame, args, servers, &mut output)?;
+                samples += stats.samples_new as u64;
+                totals.push(stats.total_ms);
+            }
+        }
+        Method::EdgeAndPoint | Method::NoComplex | Method::PointsOnly => {
+            sparse(scene, &flight, args, servers, &mut output, |stats| {
+                samples += stats.samples_new as u64;
+                totals.push(stats.total_ms);
+            })?;
+        }
+    }
+    totals.sort_by(f64::total_cmp);
+    Ok(Summary {
+        frames: args.frames,
+        median_ms: totals.get(totals.len() / 2).copied().unwrap_or(0.0),
+        samples,
+        elapsed: start.elapsed(),
+        last_file: output.last_file(),
+    })
+}
+
+fn sparse(
+    scene: &LoadedScene,
+    flight: &Flight<'_>,
+    args: &RenderArgs,
+    servers: &mut Servers,
+    output: &mut Output,
+    mut done: impl FnMut(&crate::stats::FrameStats),
+) -> Result<(), RenderError> {
+    let (width, height) = args.size;
+    let pixels = f64::from(width) * f64::from(height);
+    let budget = args.samples_per_frame.unwrap_or((pixels * DEFAULT_SHARE).round() as usize);
+    let mut display = Display::new(&scene.scene, args.choices, width, height, args.seed);
+    let tone = ToneMap::new();
+    let (mut wanted, mut received, mut shown) = (Wanted::default(), Vec::new(), Vec::new());
+    let mut view = View::new(&flight.camera(0));
+    let mut number = servers.set_view(&view.camera());
+    display.begin(&view, number);
+    display.plan_first(budget, &mut wanted);
+    servers.request(number, &wanted.here);
+    for frame in 0..args.frames {
+        let waited = Instant::now();
+        received.clear();
+        if args.lockstep {
+            servers.wait_all(&mut received)?;
+        } else {
+            servers.drain(&mut received)?;
+        }
+        let wait_ms = waited.elapsed().as_secs_f64() * 1e3;
+        display.receive(&received);
+        display.draw(&view, number);
+        display.time_present(|d| tone.map(d.grid(), d.image(), &mut shown));
+        let next = View::new(&flight.camera(frame + 1));
+        if frame + 1 < args.frames {
+            display.plan(budget, Some(&next), &mut wanted);
+            servers.request(number, &wanted.here);
+            if next != view {
+                (view, number) = (next, servers.set_view(&next.camera()));
+                servers.request(number, &wanted.ahead);
+            }
+        }
+        let mut stats = display.take_stats(frame);
+        stats.wait_ms = wait_ms;
+        stats.servers = servers.connected();
+        stats.triples = servers.triples();
+        output.frame(frame, display.grid(), display.image(), &shown)?;
+        output.stats(&stats)?;
+        done(&stats);
+    }
+    Ok(())
+}
