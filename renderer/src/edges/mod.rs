@@ -1,3 +1,20 @@
 //! Finding edges and drawing them into the edge-and-point image.
+//!
+//! [`EdgeFinder`](finder::EdgeFinder) is built from a scene and fills an [`EdgeList`](list::EdgeList) for a view;
+//! [`raster`] draws the list into [`Crossings`](crossings::Crossings).
 
+pub mod adjacency;
+pub mod clip;
 pub mod crossings;
+pub mod finder;
+pub mod list;
+mod orient;
+pub mod raster;
+pub mod tree;
+mod tree_build;
+pub mod weld;
+
+#[cfg(test)]
+mod test_meshes;
+#[cfg(test)]
+mod tests;

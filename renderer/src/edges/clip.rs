@@ -1,0 +1,103 @@
+//! From view space to image space: clipping before projecting, and snapping to a fixed-point grid.
+
+use crate::camera::View;
+
+/// Fixed-point units a pixel.
+pub const SUBPIXELS: i64 = 1 << 10;
+/// How far outside of the picture segments are kept whole, pixels.
+const GUARD_PX: f64 = 1024.0;
+/// Nearest depth, m: only there to keep numbers finite, since the guard band bounds the rest.
+const NEAR: f64 = 1e-6;
+
+/// What is seen of a segment in the picture and near it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImageSegment {
+    /// Ends, image space in units of 1/[`SUBPIXELS`] px.
+    pub ends: [[i64; 2]; 2],
+    /// 1/depth at the ends, 1/m; linear in image space.
+    pub inverse_depth: [f64; 2],
+    /// Where on the segment the ends lie, 0..1 along view space.
+    pub along: [f64; 2],
+}
+
+/// Turns segments in view space into segments in image space.
+#[derive(Clone, Copy, Debug)]
+pub struct Projector {
+    focal: f64,
+    half: [f64; 2],
+    guard: [f64; 2],
+}
+
+impl Projector {
+    /// For a view.
+    pub fn new(view: &View) -> Self {
+        let half = [f64::from(view.width) * 0.5, f64::from(view.height) * 0.5];
+        Self {
+            focal: f64::from(view.focal_px),
+            half,
+            guard: half.map(|h| h + GUARD_PX),
+        }
+    }
+
+    /// Clips at the near plane and far outside of the picture, projects and snaps. An end that is not clipped goes to
+    /// the same grid point in every segment that has it. Nothing if none of the segment can be seen, or if a
+    /// coordinate is not finite.
+    pub fn project(&self, from: [f32; 3], to: [f32; 3]) -> Option<ImageSegment> {
+        let (a, b) = (from.map(f64::from), to.map(f64::from));
+        let mut along = [0.0_f64, 1.0];
+        // Nearly every segment passes; the others pay for divisions.
+        if !(self.within(a) && self.within(b)) {
+            along = self.clip(a, b)?;
+        }
+        let at = |t: f64| -> [f64; 3] {
+            match t {
+                0.0 => a,
+                1.0 => b,
+                _ => std::array::from_fn(|k| a[k] + (b[k] - a[k]) * t),
+            }
+        };
+        let p = along.map(at);
+        Some(ImageSegment {
+            ends: p.map(|p| self.snap(p)),
+            inverse_depth: p.map(|p| 1.0 / p[2]),
+            along,
+        })
+    }
+
+    /// Signed distances to the five planes, positive inside.
+    fn distances(&self, p: [f64; 3]) -> [f64; 5] {
+        let (x, y) = (p[0] * self.focal, p[1] * self.focal);
+        let (gx, gy) = (self.guard[0] * p[2], self.guard[1] * p[2]);
+        [p[2] - NEAR, gx - x, gx + x, gy - y, gy + y]
+    }
+
+    fn within(&self, p: [f64; 3]) -> bool {
+        // A NaN is not within.
+        self.distances(p).iter().all(|d| *d >= 0.0)
+    }
+
+    fn clip(&self, a: [f64; 3], b: [f64; 3]) -> Option<[f64; 2]> {
+        let (da, db) = (self.distances(a), self.distances(b));
+        let (mut t0, mut t1) = (0.0_f64, 1.0_f64);
+        for (da, db) in da.into_iter().zip(db) {
+            if !(da.is_finite() && db.is_finite()) || (da < 0.0 && db < 0.0) {
+                return None;
+            }
+            if da < 0.0 {
+                t0 = t0.max(da / (da - db));
+            } else if db < 0.0 {
+                t1 = t1.min(da / (da - db));
+            }
+        }
+        (t0 < t1).then_some([t0, t1])
+    }
+
+    fn snap(&self, p: [f64; 3]) -> [i64; 2] {
+        let s = self.focal / p[2];
+        let unit = SUBPIXELS as f64;
+        [
+            ((self.half[0] + p[0] * s) * unit).round() as i64,
+            ((self.half[1] - p[1] * s) * unit).round() as i64,
+        ]
+    }
+}

@@ -1,0 +1,146 @@
+//! The edge rasteriser (paper section 4.5): where segments cross the lines between pixels.
+//!
+//! Everything is decided in integers, as if all segments were moved by (δ, δ²) for a δ too small to see. A point on a
+//! grid line then lies to the right of it or below it, and no segment passes through a corner of a pixel: segments that
+//! share an end neither leave a gap nor count twice, and one that passes through a pixel crosses its boundary exactly
+//! twice.
+
+use super::clip::{ImageSegment, Projector, SUBPIXELS};
+use super::crossings::Crossings;
+use super::list::EdgeList;
+use crate::camera::View;
+
+/// Pieces that a pixel boundary is divided into.
+const EIGHTHS: i64 = 8;
+
+/// Where a segment crosses a line of the grid.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Crossing {
+    /// The line is horizontal, y = `line`; else vertical, x = `line`.
+    pub horizontal: bool,
+    /// Twice the coordinate of the line, px: odd for lines through the middle of pixels.
+    pub line: i64,
+    /// Where on the line, eighths of a pixel, rounded down.
+    pub eighth: i64,
+}
+
+/// Calls back with all crossings of a segment (ends in units of 1/[`SUBPIXELS`] px) with lines between pixels and, with
+/// `half`, through their middle, that have coordinates from 0 to `width` and `height`, px, first those with horizontal
+/// lines.
+#[inline]
+pub fn crossings_of(
+    ends: [[i64; 2]; 2],
+    [width, height]: [i64; 2],
+    half: bool,
+    mut each: impl FnMut(Crossing),
+) {
+    let [[x0, y0], [x1, y1]] = ends;
+    cross_lines([y0, x0], [y1, x1], height, half, false, |line, eighth| {
+        if eighth >= 0 && eighth < width * EIGHTHS {
+            each(Crossing {
+                horizontal: true,
+                line,
+                eighth,
+            });
+        }
+    });
+    cross_lines([x0, y0], [x1, y1], width, half, true, |line, eighth| {
+        if eighth >= 0 && eighth < height * EIGHTHS {
+            each(Crossing {
+                horizontal: false,
+                line,
+                eighth,
+            });
+        }
+    });
+}
+
+/// Crossings with the lines `u = line`. Points are (u, v); `low_ties` says that where `v` grows with `u`, the segment
+/// passes an exact multiple of an eighth just below it.
+#[inline]
+fn cross_lines(
+    mut from: [i64; 2],
+    mut to: [i64; 2],
+    size: i64,
+    half: bool,
+    low_ties: bool,
+    mut each: impl FnMut(i64, i64),
+) {
+    if from[0] > to[0] {
+        std::mem::swap(&mut from, &mut to);
+    }
+    // Lines are numbered by twice their coordinate. Those in (from, to] are crossed: an end on a line lies beyond it.
+    let unit = SUBPIXELS / 2;
+    let step = if half { 1 } else { 2 };
+    let mut first = (from[0].div_euclid(unit) + 1).max(0);
+    let last = to[0].div_euclid(unit).min(2 * size);
+    if !half {
+        first += first & 1;
+    }
+    if first > last {
+        return;
+    }
+    let (du, dv) = (to[0] - from[0], to[1] - from[1]);
+    // v = from.v + dv (line - from.u) / du, in eighths: floor(numerator / denominator).
+    let denominator = du * (SUBPIXELS / EIGHTHS);
+    let mut numerator = from[1] * du + (first * unit - from[0]) * dv;
+    if low_ties && dv > 0 {
+        numerator -= 1;
+    }
+    let mut eighth = numerator.div_euclid(denominator);
+    each(first, eighth);
+    if first + step > last {
+        return;
+    }
+    let advance = step * unit * dv;
+    let (whole, part) = (
+        advance.div_euclid(denominator),
+        advance.rem_euclid(denominator),
+    );
+    let mut remainder = numerator - eighth * denominator;
+    let mut line = first + step;
+    while line <= last {
+        eighth += whole;
+        remainder += part;
+        if remainder >= denominator {
+            remainder -= denominator;
+            eighth += 1;
+        }
+        each(line, eighth);
+        line += step;
+    }
+}
+
+impl Crossings {
+    /// Records a crossing; its coordinates must lie within the picture.
+    #[inline]
+    pub fn record(&mut self, crossing: Crossing) {
+        let bit = 1_u8 << (crossing.eighth & 7);
+        let cell = (crossing.eighth >> 3) as usize;
+        let line = (crossing.line >> 1) as usize;
+        let middle = crossing.line & 1 == 1;
+        let mask = match (crossing.horizontal, middle) {
+            (true, false) => &mut self.horizontal[line * self.width + cell],
+            (true, true) => &mut self.half_horizontal[line * self.width + cell],
+            (false, false) => &mut self.vertical[cell * (self.width + 1) + line],
+            (false, true) => &mut self.half_vertical[cell * self.width + line],
+        };
+        *mask |= bit;
+    }
+
+    /// Records all crossings of a segment, those with lines through the middle of pixels too if `half` is set.
+    pub fn draw(&mut self, segment: &ImageSegment, half: bool) {
+        let size = [self.width as i64, self.height as i64];
+        crossings_of(segment.ends, size, half, |crossing| self.record(crossing));
+    }
+}
+
+/// Draws every edge of a list, whether or not it can be seen. The crossings must be of the view's size.
+pub fn draw_all(view: &View, edges: &EdgeList, half: bool, out: &mut Crossings) {
+    let projector = Projector::new(view);
+    for (from, to) in edges.from.iter().zip(&edges.to) {
+        if let Some(segment) = projector.project(*from, *to) {
+            out.draw(&segment, half);
+        }
+    }
+}
