@@ -1,5 +1,6 @@
 //! Reconstruction: colours for pixels from the samples that they can reach, in linear radiance.
 
+pub mod antialias;
 pub mod interpolate;
 pub mod settle;
 pub mod spread;
