@@ -28,7 +28,7 @@ pub const MAX_COORDINATE: f32 = 1e9;
 /// Largest radiance in one channel, W/(m² sr); the sun's disc has about 2e7. Larger ones are clamped by who shades.
 pub const MAX_RADIANCE: f32 = 1e9;
 /// Largest intensity of a light in one channel, W/sr or W/(m sr).
-pub const MAX_INTENSITY: f32 = 1e12;
+pub const MAX_INTENSITY: f32 = 1e10;
 /// Field of view, degrees: least and most. Inside (0, 180) by a margin that keeps its tangent and the focal length
 /// well within single precision.
 pub const FOV_Y: [f32; 2] = [1e-3, 179.9];
