@@ -8,11 +8,12 @@ use fearless_simd::Level;
 use protocol::scene::Scene;
 
 use crate::camera::View;
-use crate::config::{Choices, Interpolation, Method, PlaceBits, PointCulling, Priority};
+use crate::config::{Choices, Interpolation, PlaceBits, PointCulling, Priority};
 use crate::epi::code::{Places, Side};
 use crate::epi::grid::Grid;
 use crate::epi::reach::ReachMap;
 use crate::epi::{Epi, SamplePlaces};
+use crate::filters::antialias::{self, Antialias};
 use crate::filters::interpolate::{self, Interpolated, interpolate};
 use crate::filters::settle::settle;
 use crate::filters::spread::{Neighbours, Spread};
@@ -50,6 +51,7 @@ pub struct Display {
     centre: [Vec<f32>; 2],
     interpolated: Interpolated,
     spread: Spread,
+    antialias: Antialias,
     image: [Vec<f32>; 3],
     suspects: Vec<(u16, u16)>,
     priorities: Priorities,
@@ -92,6 +94,7 @@ impl Display {
             centre: [vec![0.5; grid.elements()], vec![0.5; grid.elements()]],
             interpolated: Interpolated::new(grid),
             spread: Spread::new(grid),
+            antialias: Antialias::default(),
             image: [plane(), plane(), plane()],
             suspects: Vec::new(),
             priorities: Priorities::new(grid),
