@@ -1,0 +1,217 @@
+"""Packing and unpacking of edge-and-point messages, from PROTOCOL.md alone."""
+
+import struct
+
+MAX_FRAME = 2 * 1024 * 1024
+MISS, VIEW_DEPENDENT, PROVISIONAL, LIGHT = 1, 2, 4, 8
+NO_OBJECT = 0xFFFFFFFF
+FAULTS = ("Version", "Malformed", "OutOfOrder", "Limit", "Value", "Unsupported", "Internal")
+
+
+class Surprise(Exception):
+    """The other side did something that PROTOCOL.md does not allow."""
+
+
+def u16(n):
+    return struct.pack("<H", n)
+
+
+def u32(n):
+    return struct.pack("<I", n)
+
+
+def u64(n):
+    return struct.pack("<Q", n)
+
+
+def floats(*values):
+    return struct.pack(f"<{len(values)}f", *values)
+
+
+def text(value):
+    raw = value.encode("utf-8")
+    return u64(len(raw)) + raw
+
+
+def listing(items):
+    return u64(len(items)) + b"".join(items)
+
+
+def frame(payload):
+    if len(payload) > MAX_FRAME:
+        raise ValueError(f"{len(payload)} bytes do not fit a frame")
+    return u32(len(payload)) + payload
+
+
+def hello(min_version, max_version, name, seed):
+    return u32(0) + u16(min_version) + u16(max_version) + text(name) + u64(seed)
+
+
+def scene_begin(digest, length):
+    return u32(1) + digest + u64(length)
+
+
+def scene_chunk(data):
+    return u32(2) + u64(len(data)) + data
+
+
+def camera(eye, target, up, fov_y, width, height):
+    return floats(*eye, *target, *up, fov_y) + u32(width) + u32(height)
+
+
+def view(number, packed_camera):
+    return u32(3) + u32(number) + packed_camera
+
+
+def sample_request(number, x, y, offset):
+    return u64(number) + u16(x) + u16(y) + floats(*offset)
+
+
+def request(view_number, packed_requests):
+    return u32(4) + u32(view_number) + listing(packed_requests)
+
+
+def edit(epoch, objects=(), lights=()):
+    """Objects are (index, 12 floats), lights (index, packed light)."""
+    moved = [u32(index) + floats(*transform) for index, transform in objects]
+    changed = [u32(index) + light for index, light in lights]
+    return u32(5) + u32(epoch) + listing(moved) + listing(changed)
+
+
+def cancel(views_before):
+    return u32(6) + u32(views_before)
+
+
+def ping(token):
+    return u32(7) + u64(token)
+
+
+def goodbye():
+    return u32(8)
+
+
+def fault(code, message):
+    return u32(9) + u32(code) + text(message)
+
+
+def point_light(position, intensity):
+    return u32(0) + floats(*position, *intensity)
+
+
+def material(name, diffuse):
+    """Diffuse only: no map, no specular, roughness 1."""
+    return text(name) + floats(*diffuse) + b"\0" + floats(0, 0, 0) + floats(1)
+
+
+def mesh(positions, faces):
+    packed = [floats(*p) for p in positions]
+    corners = [struct.pack("<3I", *f) for f in faces]
+    return listing(packed) + listing(corners) + u64(0) * 5
+
+
+def placed(name, mesh_index, material_index, transform, crease_angle):
+    return text(name) + u32(mesh_index) + u32(material_index) + floats(*transform, crease_angle)
+
+
+def scene(ambient, background, lights, materials, meshes, objects):
+    """Direct shading, no textures."""
+    return (u32(0) + floats(*ambient, *background) + listing(lights) + listing(materials)
+            + u64(0) + listing(meshes) + listing(objects))
+
+
+class Reader:
+    """Takes values off the front of a payload."""
+
+    def __init__(self, payload):
+        self.rest = payload
+
+    def take(self, count):
+        if count > len(self.rest):
+            raise Surprise(f"a message ends {count - len(self.rest)} bytes early")
+        taken, self.rest = self.rest[:count], self.rest[count:]
+        return taken
+
+    def unpack(self, form):
+        values = struct.unpack("<" + form, self.take(struct.calcsize("<" + form)))
+        return values[0] if len(values) == 1 else values
+
+    def text(self):
+        return self.take(self.unpack("Q")).decode("utf-8")
+
+    def boolean(self):
+        value = self.unpack("B")
+        if value > 1:
+            raise Surprise(f"{value} is no bool")
+        return value == 1
+
+    def count(self, size):
+        """Length of a list whose elements take `size` bytes each."""
+        count = self.unpack("Q")
+        if count * size > len(self.rest):
+            raise Surprise(f"a list claims {count} elements")
+        return count
+
+
+def _welcome(r):
+    return {
+        "version": r.unpack("H"), "name": r.text(), "shader": r.text(),
+        "credits": r.unpack("I"), "max_batch": r.unpack("I"), "triples": r.boolean(),
+        "edits": r.boolean(), "threads": r.unpack("I"),
+        "holds": [r.take(32) for _ in range(r.count(32))],
+    }
+
+
+def _sample(r):
+    return {
+        "id": r.unpack("Q"), "position": r.unpack("3f"), "object": r.unpack("I"),
+        "radiance": r.unpack("3f"), "flags": r.unpack("I"),
+    }
+
+
+def _samples(r):
+    return {
+        "view": r.unpack("I"), "epoch": r.unpack("I"),
+        "samples": [_sample(r) for _ in range(r.count(40))],
+    }
+
+
+def _triples(r):
+    return {"epoch": r.unpack("I"), "triples": [r.unpack("3I") for _ in range(r.count(12))]}
+
+
+def _status(r):
+    return {
+        "queued": r.unpack("I"), "traced": r.unpack("Q"), "rays": r.unpack("Q"),
+        "cancelled_before": r.unpack("I"),
+    }
+
+
+def _fault(r):
+    code = r.unpack("I")
+    if code >= len(FAULTS):
+        raise Surprise(f"fault code {code} does not exist")
+    return {"code": FAULTS[code], "text": r.text()}
+
+
+TO_DISPLAY = (
+    ("Welcome", _welcome),
+    ("SceneReady", lambda r: {"digest": r.take(32)}),
+    ("Samples", _samples),
+    ("Triples", _triples),
+    ("Status", _status),
+    ("Pong", lambda r: {"token": r.unpack("Q")}),
+    ("Fault", _fault),
+)
+
+
+def unpack_to_display(payload):
+    """(name, fields) of a message from a server; every byte must belong to it."""
+    reader = Reader(payload)
+    variant = reader.unpack("I")
+    if variant >= len(TO_DISPLAY):
+        raise Surprise(f"message {variant} does not exist")
+    name, unpack = TO_DISPLAY[variant]
+    fields = unpack(reader)
+    if reader.rest:
+        raise Surprise(f"{len(reader.rest)} bytes follow a {name}")
+    return name, fields
