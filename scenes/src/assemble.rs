@@ -8,6 +8,7 @@ use toml::Spanned;
 
 use crate::error::{ErrorKind, SceneError};
 use crate::format::{MapValue, MaterialTable, NormalsMode, ObjectTable, Scale};
+use crate::generate::Made;
 use crate::geometry::examine;
 use crate::lights::finite;
 use crate::load::line_of;
@@ -224,31 +225,41 @@ impl<'a> Assembler<'a> {
 
     fn add_made(
         &mut self,
-        mesh: Mesh,
+        made: Made,
         normals: NormalsMode,
         placement: &Placement<'_>,
     ) -> Result<(), SceneError> {
-        let part = Part {
-            mesh,
-            ..Part::default()
-        };
-        let part = prepare_part(
-            part,
-            normals,
-            placement.crease_angle,
-            self.file,
-            &mut self.report,
-        )?;
         let material = self.object_material(placement.material);
-        // Equal meshes are sent once: a row of chairs is one chair.
-        let mesh = match self.scene.meshes.iter().position(|m| *m == part.mesh) {
-            Some(index) => index as u32,
-            None => {
-                self.scene.meshes.push(part.mesh);
-                self.scene.meshes.len() as u32 - 1
-            }
-        };
-        self.push_object(placement.name.into(), mesh, material, placement);
+        let mut meshes = Vec::with_capacity(made.meshes.len());
+        for mesh in made.meshes {
+            let part = Part {
+                mesh,
+                ..Part::default()
+            };
+            let crease = placement.crease_angle;
+            let part = prepare_part(part, normals, crease, self.file, &mut self.report)?;
+            // Equal meshes are sent once: a row of chairs is one chair.
+            meshes.push(
+                match self.scene.meshes.iter().position(|m| *m == part.mesh) {
+                    Some(index) => index as u32,
+                    None => {
+                        self.scene.meshes.push(part.mesh);
+                        self.scene.meshes.len() as u32 - 1
+                    }
+                },
+            );
+        }
+        for copy in made.copies {
+            let name = match &copy.name {
+                Some(group) => self.unique_name(&format!("{}/{group}", placement.name)),
+                None => placement.name.into(),
+            };
+            let placement = Placement {
+                transform: transform::product(&placement.transform, &copy.transform),
+                ..*placement
+            };
+            self.push_object(name, meshes[copy.mesh], material, &placement);
+        }
         Ok(())
     }
 
@@ -349,7 +360,7 @@ impl<'a> Assembler<'a> {
                 }
             };
             let name = match &part.name {
-                Some(group) => self.unique_name(format!("{}/{group}", placement.name)),
+                Some(group) => self.unique_name(&format!("{}/{group}", placement.name)),
                 None => placement.name.into(),
             };
             self.push_object(name, mesh, material, placement);
@@ -368,8 +379,8 @@ impl<'a> Assembler<'a> {
     }
 
     /// The name itself, or with the first number behind it that makes it new.
-    fn unique_name(&mut self, name: String) -> String {
-        let mut unique = name.clone();
+    fn unique_name(&mut self, name: &str) -> String {
+        let mut unique = name.to_string();
         let mut n = 1;
         while !self.names.insert(unique.clone()) {
             n += 1;

@@ -20,6 +20,30 @@ pub(crate) fn affine(translate: [f32; 3], rotate: [f32; 3], scale: [f32; 3]) -> 
     })
 }
 
+/// The map that leaves everything where it is.
+pub(crate) const IDENTITY: Affine = [
+    [1.0, 0.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0, 0.0],
+    [0.0, 0.0, 1.0, 0.0],
+];
+
+/// `outer` after `inner`; exact where `inner` is [`IDENTITY`].
+pub(crate) fn product(outer: &Affine, inner: &Affine) -> Affine {
+    std::array::from_fn(|row| {
+        std::array::from_fn(|column| {
+            let sum: f64 = (0..3)
+                .map(|k| f64::from(outer[row][k]) * f64::from(inner[k][column]))
+                .sum();
+            let moved = if column == 3 {
+                f64::from(outer[row][3])
+            } else {
+                0.0
+            };
+            (sum + moved) as f32 + 0.0
+        })
+    })
+}
+
 fn sin_cos(degrees: f32) -> (f64, f64) {
     match degrees.rem_euclid(360.0) {
         0.0 => (0.0, 1.0),
@@ -74,5 +98,10 @@ mod tests {
         for (a, b) in step.into_iter().zip(apply(&m, p)) {
             assert!((a - b).abs() < 1e-6);
         }
+        let joined = product(&one(2, 231.0), &product(&one(1, -63.0), &one(0, 17.0)));
+        for (a, b) in joined.iter().flatten().zip(m.iter().flatten()) {
+            assert!((a - b).abs() < 1e-6);
+        }
+        assert_eq!(product(&m, &IDENTITY), m);
     }
 }

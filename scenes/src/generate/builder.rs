@@ -2,6 +2,8 @@
 
 use protocol::scene::Mesh;
 
+use crate::normals;
+
 /// A mesh in the making. Faces run anticlockwise seen from outside.
 #[derive(Default)]
 pub(super) struct Builder {
@@ -42,6 +44,11 @@ impl Builder {
     pub(super) fn quad(&mut self, [a, b, c, d]: [Corner; 4]) {
         self.triangle([a, b, c]);
         self.triangle([a, c, d]);
+    }
+
+    /// Computes smooth normals for all that was made so far.
+    pub(super) fn smooth(&mut self, crease_angle: f32) {
+        normals::smooth(&mut self.mesh, crease_angle);
     }
 
     pub(super) fn finish(self) -> Mesh {

@@ -79,7 +79,7 @@ pub(crate) fn convert(
             m.name
         ));
     }
-    let diffuse_map = m.diffuse_texture.as_deref().map(map_file);
+    let diffuse_map = m.diffuse_texture.as_deref().and_then(map_file);
     let default = if diffuse_map.is_some() {
         [1.0; 3]
     } else {
@@ -99,7 +99,7 @@ pub(crate) fn convert(
 }
 
 /// The file in a `map_Kd` line: behind any options, with slashes that every system reads.
-fn map_file(value: &str) -> String {
+fn map_file(value: &str) -> Option<String> {
     let mut rest = value.trim();
     while let Some(option) = rest.strip_prefix('-') {
         let arguments = match option.split_whitespace().next() {
@@ -128,7 +128,7 @@ fn map_file(value: &str) -> String {
         }
         rest = tail;
     }
-    rest.replace('\\', "/")
+    (!rest.is_empty()).then(|| rest.replace('\\', "/"))
 }
 
 #[cfg(test)]
@@ -137,10 +137,11 @@ mod tests {
 
     #[test]
     fn options_before_a_map_are_skipped() {
-        assert_eq!(map_file("wood floor.png"), "wood floor.png");
-        assert_eq!(map_file("-s 1 1 1 textures\\a b.jpg"), "textures/a b.jpg");
-        assert_eq!(map_file("-clamp on -o 0.5 x.png"), "x.png");
-        assert_eq!(map_file("-"), "-");
+        let file = |value| map_file(value).unwrap();
+        assert_eq!(file("wood floor.png"), "wood floor.png");
+        assert_eq!(file("-s 1 1 1 textures\\a b.jpg"), "textures/a b.jpg");
+        assert_eq!(file("-clamp on -o 0.5 x.png"), "x.png");
+        assert_eq!(map_file("-"), None);
     }
 
     #[test]
