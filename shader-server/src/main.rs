@@ -1,2 +1,7 @@
-//! placeholder
-fn main() {}
+//! The program `shader-server`.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    shader_server::main_from_args(std::env::args_os())
+}

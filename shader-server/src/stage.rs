@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Mat3A, Vec3};
 use protocol::{
     messages::{LightMove, ObjectMove},
-    scene::{Affine, Light, Material, Mesh, Scene, Shading, Texture},
+    scene::{Affine, Light, Mesh, Scene, Shading},
 };
 use rayon::prelude::*;
 use rays::{TriangleMesh, World};
@@ -33,14 +33,6 @@ pub enum StageError {
     },
 }
 
-/// What edits do not change.
-struct Assets {
-    shading: Shading,
-    materials: Vec<Material>,
-    textures: Vec<Texture>,
-    meshes: Vec<Mesh>,
-}
-
 /// Where an object is.
 #[derive(Clone, Debug)]
 struct Placement {
@@ -56,7 +48,7 @@ struct Placement {
 /// A scene ready for rays: objects are instances 0.. of [`Stage::world`], area lights follow.
 #[derive(Clone)]
 pub struct Stage {
-    assets: Arc<Assets>,
+    scene: Arc<Scene>,
     placements: Vec<Placement>,
     lights: Vec<Light>,
     emitters: Vec<Emitter>,
@@ -70,16 +62,15 @@ impl Stage {
     ///
     /// # Errors
     /// [`StageError::Index`] where an object names a mesh or a material that is not there.
-    pub fn build(scene: Scene) -> Result<Self, StageError> {
+    pub fn build(scene: Arc<Scene>) -> Result<Self, StageError> {
         let Scene {
-            shading,
             lights,
             materials,
-            textures,
             meshes,
             objects,
-        } = scene;
-        for object in &objects {
+            ..
+        } = &*scene;
+        for object in objects {
             check_index("mesh", object.mesh, meshes.len())?;
             check_index("material", object.material, materials.len())?;
         }
@@ -113,15 +104,9 @@ impl Stage {
                 light_of_instance.push(index as u32);
             }
         }
-        let assets = Arc::new(Assets {
-            shading,
-            materials,
-            textures,
-            meshes,
-        });
-        let world = World::new(instances);
+        let (lights, world) = (lights.clone(), World::new(instances));
         Ok(Self {
-            assets,
+            scene,
             placements,
             lights,
             emitters,
@@ -172,6 +157,12 @@ impl Stage {
         Ok(())
     }
 
+    /// The scene as it was sent, before edits.
+    #[must_use]
+    pub fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
     /// What rays are traced against.
     #[must_use]
     pub fn world(&self) -> &World {
@@ -187,7 +178,7 @@ impl Stage {
     /// What holds for the whole scene.
     #[must_use]
     pub fn shading(&self) -> &Shading {
-        &self.assets.shading
+        &self.scene.shading
     }
 
     /// The light that instance `instance` of the world is, if it is one.
@@ -201,7 +192,7 @@ impl Stage {
     #[must_use]
     pub fn surface(&self, hit: &rays::Hit) -> Option<Surface> {
         let placement = self.placements.get(hit.instance as usize)?;
-        let mesh = self.assets.meshes.get(placement.mesh as usize)?;
+        let mesh = self.scene.meshes.get(placement.mesh as usize)?;
         let face = hit.face as usize;
         let corner = |i: u32| Some(Vec3::from(*mesh.positions.get(i as usize)?).as_dvec3());
         let [i, j, k] = *mesh.faces.get(face)?;
@@ -240,12 +231,12 @@ impl Stage {
             .get(face)
             .copied()
             .unwrap_or(placement.material);
-        let Some(material) = self.assets.materials.get(index as usize) else {
+        let Some(material) = self.scene.materials.get(index as usize) else {
             return Vec3::ZERO;
         };
         let map = material
             .diffuse_map
-            .and_then(|map| self.assets.textures.get(map as usize));
+            .and_then(|map| self.scene.textures.get(map as usize));
         let base = Vec3::from(material.diffuse);
         match (map, mesh.face_uvs.get(face)) {
             (Some(map), Some(corners)) => {

@@ -1,7 +1,10 @@
 //! From a ray to a sample.
 
 use glam::Vec3;
-use protocol::messages::{NO_OBJECT, Sample, Triple, flags};
+use protocol::{
+    limits::clamp_radiance,
+    messages::{NO_OBJECT, Sample, Triple, flags},
+};
 use rays::Ray;
 
 use crate::{
@@ -118,11 +121,7 @@ impl<'a> Shader<'a> {
         }
         let ambient = Vec3::from(self.stage.shading().ambient);
         let radiance = surface.diffuse * (irradiance * std::f32::consts::FRAC_1_PI + ambient);
-        if radiance.is_finite() {
-            radiance.max(Vec3::ZERO)
-        } else {
-            Vec3::ZERO
-        }
+        clamp_radiance(radiance.to_array()).into()
     }
 
     fn report(&mut self, light: u32, receiver: u32) {

@@ -14,13 +14,11 @@ use super::{Shadows, rays::sees};
 const COARSE: usize = 4;
 const FINEST: usize = 32;
 
-/// Where rays at the corners of the unit square go: a little inside, since things may touch the light there.
-const CORNERS: [Vec2; 4] = [
-    Vec2::new(0.02, 0.02),
-    Vec2::new(0.98, 0.02),
-    Vec2::new(0.02, 0.98),
-    Vec2::new(0.98, 0.98),
-];
+/// Corners that are asked, at most about so many.
+const CORNERS: usize = 4;
+
+/// How far from a corner towards the middle its ray goes, since things may touch the light there.
+const INSET: f64 = 0.03;
 
 /// One bit a stratum, a word a row.
 type Bits = [u32; FINEST];
@@ -98,28 +96,89 @@ impl Probe<'_> {
         })
     }
 
-    /// Asks one ray of each stratum in `level.asked`; puts weights, in row order, into `weights`.
-    fn ask(&mut self, level: &mut Level, stream: &mut Stream, weights: &mut Vec<f32>) {
-        weights.clear();
+    /// Asks one ray of each stratum in `level.asked`; puts what they say into `level` and `answers`.
+    fn ask(&mut self, level: &mut Level, stream: &mut Stream, answers: &mut Vec<Answer>) {
+        answers.clear();
         for row in 0..level.size {
             let mut asked = level.asked[row];
             while asked != 0 {
                 let column = asked.trailing_zeros();
-                asked &= asked - 1;
+                let bit = 1 << column;
+                asked ^= bit;
                 let place =
                     (Vec2::new(column as f32, row as f32) + stream.square()) / level.size as f32;
-                let answer = self.at(place);
-                let bit = 1 << column;
                 level.known[row] &= !bit;
                 level.seen[row] &= !bit;
-                if let Some((_, seen)) = answer {
+                if let Some((weight, seen)) = self.at(place) {
                     level.known[row] |= bit;
                     level.seen[row] |= if seen { bit } else { 0 };
+                    answers.push(Answer {
+                        row,
+                        bit,
+                        weight,
+                        seen,
+                    });
                 }
-                weights.push(answer.map_or(0., |(weight, _)| weight));
             }
         }
     }
+
+    fn sees(&mut self, point: DVec3) -> bool {
+        sees(
+            self.stage,
+            self.receiver,
+            point,
+            Some(self.shape.instance),
+            self.shadows,
+        )
+    }
+
+    /// Whether the receiver sees the first vertex that gives it light: of a light almost below the horizon no stratum may.
+    fn vertex_seen(&mut self) -> bool {
+        let gives = |v: &&DVec3| self.shape.weight(self.receiver, **v) > 0.;
+        let vertex = self.shape.vertices.iter().find(gives).copied();
+        vertex.is_some_and(|vertex| self.sees(vertex))
+    }
+
+    /// Whether rays to the light's corners say other than the strata: shadows come in over the border, and one ray a
+    /// stratum notices the first tenth of one too seldom.
+    fn corners_disagree(&mut self, level: &Level) -> bool {
+        let any_seen = level.seen.iter().any(|row| *row != 0);
+        let any_blocked = (0..COARSE).any(|row| level.known[row] & !level.seen[row] != 0);
+        let vertices = &self.shape.vertices;
+        let middle = vertices.iter().sum::<DVec3>() / vertices.len().max(1) as f64;
+        let step = vertices.len().div_ceil(CORNERS).max(1);
+        let mut disagree = false;
+        for vertex in vertices.iter().step_by(step) {
+            let corner = vertex.lerp(middle, INSET);
+            if self.shape.weight(self.receiver, corner) > 0. {
+                disagree |= if self.sees(corner) {
+                    any_blocked
+                } else {
+                    any_seen
+                };
+            }
+        }
+        disagree
+    }
+
+    /// Strata of the first level's `row` that may be on the light's border.
+    fn border(&self, row: usize) -> u32 {
+        let outer = row == 0 || row == COARSE - 1;
+        if outer || !self.shape.fills_square() {
+            (1 << COARSE) - 1
+        } else {
+            1 | (1 << (COARSE - 1))
+        }
+    }
+}
+
+/// What the ray to a stratum that gives light came to.
+struct Answer {
+    row: usize,
+    bit: u32,
+    weight: f32,
+    seen: bool,
 }
 
 /// Share of the polygon's unoccluded irradiance that reaches `receiver`.
@@ -142,122 +201,52 @@ pub(super) fn fraction(
         shape,
         shadows,
     };
-    let full = (1 << COARSE) - 1;
     let mut asked = [0; FINEST];
-    asked[..COARSE].fill(full);
+    asked[..COARSE].fill((1 << COARSE) - 1);
     let mut level = Level {
         size: COARSE,
         asked,
         seen: [0; FINEST],
         known: [0; FINEST],
     };
-    let mut weights = Vec::with_capacity(64);
-    probe.ask(&mut level, stream, &mut weights);
+    let mut answers = Vec::with_capacity(64);
+    probe.ask(&mut level, stream, &mut answers);
     let mut divide = level.changes();
-    for row in border_to_divide(&mut probe, &level) {
-        divide[row.0] |= row.1;
+    if probe.corners_disagree(&level) {
+        for (row, bits) in divide[..COARSE].iter_mut().enumerate() {
+            *bits |= probe.border(row);
+        }
     }
 
     let (mut lit, mut all) = (0., 0.);
     loop {
+        let mut again: Bits = std::array::from_fn(|row| divide[row] & level.asked[row]);
         let spent = (probe.shadows.rays - before) as u32;
-        let affordable = spent + 4 * count_both(&divide, &level.asked) <= max_rays;
-        let last = level.size == FINEST || !affordable;
-        let area = 1. / (level.size * level.size) as f32;
-        let mut index = 0;
-        for row in 0..level.size {
-            let divided = if last { 0 } else { divide[row] };
-            let mut asked = level.asked[row];
-            while asked != 0 {
-                let bit = asked & asked.wrapping_neg();
-                asked ^= bit;
-                if divided & bit == 0 {
-                    all += area * weights[index];
-                    lit += if level.seen[row] & bit != 0 {
-                        area * weights[index]
-                    } else {
-                        0.
-                    };
-                }
-                index += 1;
-            }
+        if level.size == FINEST || spent + 4 * count(&again) > max_rays {
+            again = [0; FINEST];
         }
-        let again: Bits = std::array::from_fn(|row| divide[row] & level.asked[row]);
-        if last || count(&again) == 0 {
+        let area = 1. / (level.size * level.size) as f32;
+        for answer in answers
+            .iter()
+            .filter(|answer| again[answer.row] & answer.bit == 0)
+        {
+            all += area * answer.weight;
+            lit += if answer.seen {
+                area * answer.weight
+            } else {
+                0.
+            };
+        }
+        if count(&again) == 0 {
             break;
         }
         level = level.divide(&again);
-        probe.ask(&mut level, stream, &mut weights);
+        probe.ask(&mut level, stream, &mut answers);
         divide = level.changes();
     }
     if all > 0. {
         lit / all
     } else {
-        f32::from(u8::from(vertex_seen(&mut probe)))
+        f32::from(u8::from(probe.vertex_seen()))
     }
-}
-
-/// Whether the receiver sees the first vertex that gives it light: of a light almost below the horizon no stratum may.
-fn vertex_seen(probe: &mut Probe<'_>) -> bool {
-    let gives = |v: &&DVec3| probe.shape.weight(probe.receiver, **v) > 0.;
-    let light = Some(probe.shape.instance);
-    probe
-        .shape
-        .vertices
-        .iter()
-        .find(gives)
-        .is_some_and(|vertex| sees(probe.stage, probe.receiver, *vertex, light, probe.shadows))
-}
-
-fn count_both(a: &Bits, b: &Bits) -> u32 {
-    a.iter().zip(b).map(|(a, b)| (a & b).count_ones()).sum()
-}
-
-/// Strata on the light's border, as rows of bits, if a ray to a corner disagrees with what the strata say: shadows come in
-/// over the border, and one ray a stratum sees the first tenth of them too seldom.
-fn border_to_divide(probe: &mut Probe<'_>, level: &Level) -> impl Iterator<Item = (usize, u32)> {
-    let any_seen = level.seen.iter().any(|row| *row != 0);
-    let any_blocked = level
-        .seen
-        .iter()
-        .zip(&level.known)
-        .any(|(seen, known)| known & !seen != 0);
-    let mut disagrees = false;
-    let corners: &[Vec2] = if probe.shape.fills_square() {
-        &CORNERS
-    } else {
-        &[]
-    };
-    let vertices = if corners.is_empty() {
-        probe.shape.vertices.len()
-    } else {
-        0
-    };
-    for corner in corners {
-        let seen = probe.at(*corner).map(|(_, seen)| seen);
-        disagrees |= seen == Some(true) && any_blocked || seen == Some(false) && any_seen;
-    }
-    let step = vertices.div_ceil(8).max(1);
-    for vertex in (0..vertices).step_by(step) {
-        let middle: DVec3 = probe.shape.vertices.iter().sum::<DVec3>() / vertices as f64;
-        let point = probe.shape.vertices[vertex].lerp(middle, 0.03);
-        if probe.shape.weight(probe.receiver, point) > 0. {
-            let light = Some(probe.shape.instance);
-            let seen = sees(probe.stage, probe.receiver, point, light, probe.shadows);
-            disagrees |= if seen { any_blocked } else { any_seen };
-        }
-    }
-    let full = (1u32 << COARSE) - 1;
-    let ends = 1 | (1 << (COARSE - 1));
-    let whole = !probe.shape.fills_square();
-    (0..COARSE).filter(move |_| disagrees).map(move |row| {
-        (
-            row,
-            if whole || row == 0 || row == COARSE - 1 {
-                full
-            } else {
-                ends
-            },
-        )
-    })
 }

@@ -1,0 +1,263 @@
+//! One display: messages in, messages out.
+
+use std::{net::SocketAddr, sync::Arc, time::Duration};
+
+use protocol::{
+    ToDisplay, ToServer,
+    framing::{FrameError, Receiver, Sender, server_side},
+    messages::{Digest, FaultCode},
+    scene::{Model, Scene},
+    session::{ServerEvent, ServerSession, Violation},
+    transfer::Assembler,
+};
+use tokio::{
+    io::{ReadHalf, WriteHalf},
+    net::TcpStream,
+    sync::oneshot,
+    time::{MissedTickBehavior, interval, timeout},
+};
+
+use super::{Shared, desk::Desk};
+use crate::{camera::Pinhole, stage::Stage};
+
+/// Time for a display's first message.
+const GREETING: Duration = Duration::from_secs(10);
+/// Time to write what is left when a connection ends.
+const FAREWELL: Duration = Duration::from_secs(2);
+/// Between reports on how it goes.
+const REPORT: Duration = Duration::from_secs(1);
+
+type Incoming = Receiver<ReadHalf<TcpStream>, ToServer>;
+type Outgoing = Sender<WriteHalf<TcpStream>, ToDisplay>;
+
+/// How a connection ends.
+enum End {
+    /// The display left, or was never there.
+    Gone,
+    /// It broke a rule, or the server failed it.
+    Violation(Violation),
+}
+
+impl From<Violation> for End {
+    fn from(violation: Violation) -> Self {
+        Self::Violation(violation)
+    }
+}
+
+impl From<FrameError> for End {
+    fn from(error: FrameError) -> Self {
+        Violation::of_frame(&error).map_or(Self::Gone, Self::Violation)
+    }
+}
+
+struct Connection {
+    shared: Arc<Shared>,
+    desk: Arc<Desk>,
+    held: Vec<(Digest, Arc<Stage>)>,
+    address: SocketAddr,
+}
+
+/// Serves one display until it leaves or breaks a rule.
+pub(super) async fn serve(shared: &Arc<Shared>, stream: TcpStream, address: SocketAddr) {
+    let held = shared.cache.snapshot();
+    let digests = held.iter().map(|(digest, _)| *digest).collect();
+    let rules = ServerSession::new(
+        shared.capabilities(),
+        digests,
+        shared.config.max_scene_bytes,
+    );
+    let desk = Desk::new(Arc::clone(shared), rules);
+    let (incoming, outgoing) = server_side(stream);
+    let connection = Connection {
+        shared: Arc::clone(shared),
+        desk: Arc::clone(&desk),
+        held,
+        address,
+    };
+    // Dropped however this ends, so that chunks of a display that left are not traced.
+    let _closer = Closer(Arc::clone(&desk));
+
+    let writing = write(Arc::clone(&desk), outgoing);
+    tokio::pin!(writing);
+    let end = tokio::select! {
+        end = connection.read(incoming) => end,
+        () = &mut writing => return,
+    };
+    match end {
+        End::Gone => desk.close(None),
+        End::Violation(violation) => {
+            tracing::warn!("{address}: closed: {violation}");
+            desk.close(Some(&violation));
+        }
+    }
+    // A display that does not read its last messages loses them.
+    let _ = timeout(FAREWELL, writing).await;
+}
+
+struct Closer(Arc<Desk>);
+
+impl Drop for Closer {
+    fn drop(&mut self) {
+        self.0.close(None);
+    }
+}
+
+/// Writes until nothing will come any more or the display is gone.
+async fn write(desk: Arc<Desk>, mut outgoing: Outgoing) {
+    let mut reports = interval(REPORT);
+    reports.set_missed_tick_behavior(MissedTickBehavior::Delay);
+    while let Some(messages) = desk.take_outgoing() {
+        if messages.is_empty() {
+            tokio::select! {
+                () = desk.to_write.notified() => {}
+                _ = reports.tick() => desk.report(),
+            }
+            continue;
+        }
+        for message in &messages {
+            if let Err(error) = outgoing.feed(message).await {
+                tracing::debug!("cannot write: {error}");
+                return;
+            }
+        }
+        if outgoing.flush().await.is_err() {
+            return;
+        }
+    }
+    let _ = outgoing.close().await;
+}
+
+impl Connection {
+    async fn read(&self, mut incoming: Incoming) -> End {
+        let Ok(first) = timeout(GREETING, incoming.receive()).await else {
+            let text = format!("no Hello within {} s", GREETING.as_secs());
+            return Violation::new(FaultCode::OutOfOrder, text).into();
+        };
+        let mut next = first;
+        loop {
+            let message = match next {
+                Ok(Some(message)) => message,
+                Ok(None) => return End::Gone,
+                Err(error) => return error.into(),
+            };
+            if let Err(end) = self.take(message).await {
+                return end;
+            }
+            while self.desk.is_full() {
+                self.desk.room.notified().await;
+            }
+            next = incoming.receive().await;
+        }
+    }
+
+    async fn take(&self, message: ToServer) -> Result<(), End> {
+        let event = self.desk.state().rules.receive(message)?;
+        match event {
+            ServerEvent::Hello {
+                version,
+                name,
+                seed,
+            } => {
+                tracing::info!("{}: this is {name}", self.address);
+                self.desk.state().seed = seed;
+                self.desk.send(self.welcome(version));
+            }
+            ServerEvent::Held(digest) => self.reuse(digest)?,
+            ServerEvent::Scene(digest, assembler) => self.build(digest, assembler).await?,
+            ServerEvent::Request {
+                view,
+                camera,
+                samples,
+            } => {
+                self.desk.request(view, Pinhole::new(&camera), samples);
+            }
+            ServerEvent::Edit {
+                epoch,
+                objects,
+                lights,
+            } => {
+                let stage = self.desk.stage().ok_or(End::Gone)?;
+                let edited = self
+                    .on_pool(move || stage.edited(&objects, &lights))
+                    .await?;
+                let stage = edited.map_err(|e| Violation::new(FaultCode::Value, e.to_string()))?;
+                self.desk.set_stage(Arc::new(stage), epoch);
+            }
+            ServerEvent::Cancel { views_before } => self.desk.cancel(views_before),
+            ServerEvent::Ping { token } => self.desk.send(ToDisplay::Pong { token }),
+            ServerEvent::Goodbye(reason) => {
+                if let Some(violation) = reason {
+                    tracing::warn!("{}: the display left: {violation}", self.address);
+                }
+                return Err(End::Gone);
+            }
+            ServerEvent::More | ServerEvent::View { .. } => {}
+        }
+        Ok(())
+    }
+
+    fn welcome(&self, version: u16) -> ToDisplay {
+        ToDisplay::Welcome {
+            version,
+            name: concat!("shader-server ", env!("CARGO_PKG_VERSION")).into(),
+            shader: "direct".into(),
+            capabilities: self.shared.capabilities(),
+            holds: self.held.iter().map(|(digest, _)| *digest).collect(),
+        }
+    }
+
+    fn reuse(&self, digest: Digest) -> Result<(), End> {
+        let stage = self
+            .held
+            .iter()
+            .find(|(held, _)| *held == digest)
+            .map(|(_, stage)| stage);
+        let stage = stage.ok_or_else(|| internal("a scene that was held is gone"))?;
+        self.ready(digest, Arc::clone(stage));
+        Ok(())
+    }
+
+    async fn build(&self, digest: Digest, assembler: Assembler) -> Result<(), End> {
+        let built = self.on_pool(move || {
+            let scene: Scene = assembler.finish().map_err(|e| Violation::from(&e))?;
+            Stage::build(Arc::new(scene))
+                .map_err(|e| Violation::new(FaultCode::Value, e.to_string()))
+        });
+        let stage = built.await??;
+        self.ready(digest, Arc::new(stage));
+        Ok(())
+    }
+
+    fn ready(&self, digest: Digest, stage: Arc<Stage>) {
+        let model = stage.shading().model;
+        if model != Model::Direct {
+            tracing::warn!(
+                "{}: the scene asks for {model:?} shading; only direct light is shaded",
+                self.address
+            );
+        }
+        self.shared.cache.touch(digest, &stage);
+        self.desk.state().rules.scene_built(stage.scene());
+        self.desk.set_stage(stage, 0);
+        self.desk.send(ToDisplay::SceneReady { digest });
+    }
+
+    /// Runs something long where rays run.
+    async fn on_pool<T: Send + 'static>(
+        &self,
+        work: impl FnOnce() -> T + Send + 'static,
+    ) -> Result<T, End> {
+        let (give, take) = oneshot::channel();
+        self.shared.pool.spawn_fifo(move || {
+            // Nobody waits any more if the display has left.
+            let _ = std::panic::catch_unwind(std::panic::AssertUnwindSafe(work))
+                .map(|value| give.send(value));
+        });
+        take.await
+            .map_err(|_| internal("work on the scene failed; this is a defect of the server"))
+    }
+}
+
+fn internal(text: &str) -> End {
+    Violation::new(FaultCode::Internal, text).into()
+}

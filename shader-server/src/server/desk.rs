@@ -1,0 +1,318 @@
+//! One display's requests on their way through the pool.
+
+use std::{
+    collections::{HashSet, VecDeque},
+    panic::{AssertUnwindSafe, catch_unwind},
+    sync::{
+        Arc, Mutex, MutexGuard, PoisonError,
+        atomic::{AtomicU32, Ordering},
+    },
+};
+
+use protocol::{
+    messages::{FaultCode, Sample, SampleRequest, ToDisplay, Triple},
+    session::{ServerSession, Violation},
+};
+use tokio::sync::Notify;
+
+use super::Shared;
+use crate::{camera::Pinhole, shading::Shader, stage::Stage};
+
+/// Requests traced together and samples sent together: at most, and at least while there are more.
+const CHUNK: usize = 64;
+const SMALL_CHUNK: usize = 8;
+
+/// Messages that may wait to be written before chunks are held back.
+const ROOM: usize = 64;
+
+/// Requests of one view, in order of priority.
+struct Batch {
+    view: u32,
+    pinhole: Pinhole,
+    requests: std::vec::IntoIter<SampleRequest>,
+}
+
+/// What is known of one display, behind one lock that is never held while anything is traced or awaited.
+pub(super) struct State {
+    pub(super) rules: ServerSession,
+    pub(super) seed: u64,
+    stage: Option<(Arc<Stage>, u32)>,
+    batches: VecDeque<Batch>,
+    queued: usize,
+    chunks_in_flight: usize,
+    outgoing: VecDeque<ToDisplay>,
+    triples_sent: HashSet<Triple>,
+    traced: u64,
+    rays: u64,
+    closing: bool,
+}
+
+/// Requests come in, messages go out; chunks of requests are traced on the pool in between.
+pub(super) struct Desk {
+    shared: Arc<Shared>,
+    state: Mutex<State>,
+    /// A copy of the rules' number that tracing looks at between samples.
+    cancelled_before: AtomicU32,
+    /// There is something to write, or nothing will come any more.
+    pub(super) to_write: Notify,
+    /// Messages were taken to be written.
+    pub(super) room: Notify,
+}
+
+/// Requests taken to be traced, and what they are traced in.
+struct Chunk {
+    view: u32,
+    pinhole: Pinhole,
+    requests: Vec<SampleRequest>,
+    stage: Arc<Stage>,
+    epoch: u32,
+    seed: u64,
+}
+
+struct Traced {
+    samples: Vec<Sample>,
+    triples: Vec<Triple>,
+    rays: u64,
+}
+
+impl Desk {
+    pub(super) fn new(shared: Arc<Shared>, rules: ServerSession) -> Arc<Self> {
+        let state = State {
+            rules,
+            seed: 0,
+            stage: None,
+            batches: VecDeque::new(),
+            queued: 0,
+            chunks_in_flight: 0,
+            outgoing: VecDeque::new(),
+            triples_sent: HashSet::new(),
+            traced: 0,
+            rays: 0,
+            closing: false,
+        };
+        Arc::new(Self {
+            shared,
+            state: Mutex::new(state),
+            cancelled_before: AtomicU32::new(0),
+            to_write: Notify::new(),
+            room: Notify::new(),
+        })
+    }
+
+    pub(super) fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Queues a message.
+    pub(super) fn send(&self, message: ToDisplay) {
+        self.state().outgoing.push_back(message);
+        self.to_write.notify_one();
+    }
+
+    /// Whether so much waits to be written that no more should be read.
+    pub(super) fn is_full(&self) -> bool {
+        self.state().outgoing.len() > 2 * ROOM
+    }
+
+    /// Takes what is to be written; nothing if nothing will come any more.
+    pub(super) fn take_outgoing(self: &Arc<Self>) -> Option<VecDeque<ToDisplay>> {
+        let mut state = self.state();
+        if state.outgoing.is_empty() {
+            return (!state.closing).then(VecDeque::new);
+        }
+        let taken = std::mem::take(&mut state.outgoing);
+        self.room.notify_one();
+        self.start_chunks(&mut state);
+        Some(taken)
+    }
+
+    /// Puts a scene in place, as it is after edits up to `epoch`.
+    pub(super) fn set_stage(&self, stage: Arc<Stage>, epoch: u32) {
+        let mut state = self.state();
+        state.stage = Some((stage, epoch));
+        state.triples_sent.clear();
+    }
+
+    /// The scene as it is now.
+    pub(super) fn stage(&self) -> Option<Arc<Stage>> {
+        self.state()
+            .stage
+            .as_ref()
+            .map(|(stage, _)| Arc::clone(stage))
+    }
+
+    /// Queues requests, most wanted first.
+    pub(super) fn request(
+        self: &Arc<Self>,
+        view: u32,
+        pinhole: Pinhole,
+        requests: Vec<SampleRequest>,
+    ) {
+        let mut state = self.state();
+        state.queued += requests.len();
+        state.batches.push_back(Batch {
+            view,
+            pinhole,
+            requests: requests.into_iter(),
+        });
+        self.start_chunks(&mut state);
+    }
+
+    /// Drops what is queued of older views and says so; chunks being traced stop at their next sample, and what they
+    /// have done is dropped.
+    pub(super) fn cancel(&self, views_before: u32) {
+        self.cancelled_before
+            .fetch_max(views_before, Ordering::Relaxed);
+        let mut state = self.state();
+        state.batches.retain(|batch| batch.view >= views_before);
+        state.queued = state.batches.iter().map(|batch| batch.requests.len()).sum();
+        let status = state.status();
+        state.outgoing.push_back(status);
+        self.to_write.notify_one();
+    }
+
+    /// Queues a status if the display has a scene.
+    pub(super) fn report(&self) {
+        let mut state = self.state();
+        if state.stage.is_some() && !state.closing && state.outgoing.len() < ROOM {
+            let status = state.status();
+            state.outgoing.push_back(status);
+            self.to_write.notify_one();
+        }
+    }
+
+    /// Says what rule the display broke, if it did, and takes nothing more.
+    pub(super) fn close(&self, violation: Option<&Violation>) {
+        self.cancelled_before.store(u32::MAX, Ordering::Relaxed);
+        let mut state = self.state();
+        if !state.closing {
+            state.closing = true;
+            state.batches.clear();
+            state.queued = 0;
+            state.outgoing.extend(violation.map(Violation::to_display));
+        }
+        self.to_write.notify_one();
+        self.room.notify_one();
+    }
+
+    /// Gives the pool as much as there is room for.
+    fn start_chunks(self: &Arc<Self>, state: &mut State) {
+        let most = 2 * self.shared.threads;
+        let wanted = state.queued.div_ceil(SMALL_CHUNK).min(most);
+        while !state.closing
+            && state.chunks_in_flight < wanted
+            && state.outgoing.len() + state.chunks_in_flight < ROOM
+        {
+            state.chunks_in_flight += 1;
+            let desk = Arc::clone(self);
+            // First in, first out, so that displays take turns.
+            self.shared.pool.spawn_fifo(move || desk.work());
+        }
+    }
+
+    fn work(self: &Arc<Self>) {
+        let chunk = self.state().take_chunk(self.shared.threads);
+        let traced = chunk.map(|chunk| {
+            let traced = catch_unwind(AssertUnwindSafe(|| self.trace(&chunk)));
+            (chunk, traced)
+        });
+        let mut state = self.state();
+        state.chunks_in_flight -= 1;
+        match traced {
+            Some((chunk, Ok(traced))) => {
+                state.finish(chunk.view, chunk.epoch, traced);
+                self.to_write.notify_one();
+            }
+            Some((_, Err(_))) => {
+                drop(state);
+                let text = "shading failed; this is a defect of the server";
+                self.close(Some(&Violation::new(FaultCode::Internal, text)));
+                return;
+            }
+            None => {}
+        }
+        self.start_chunks(&mut state);
+    }
+
+    fn trace(&self, chunk: &Chunk) -> Traced {
+        let mut shader = Shader::new(&chunk.stage, &*self.shared.visibility, chunk.seed);
+        let mut samples = Vec::with_capacity(chunk.requests.len());
+        for request in &chunk.requests {
+            if chunk.view < self.cancelled_before.load(Ordering::Relaxed) {
+                break;
+            }
+            samples.push(shader.shade(request.id, &chunk.pinhole.ray(request)));
+        }
+        Traced {
+            samples,
+            rays: shader.rays(),
+            triples: shader.take_triples(),
+        }
+    }
+}
+
+impl State {
+    fn status(&self) -> ToDisplay {
+        ToDisplay::Status {
+            queued: u32::try_from(self.rules.held()).unwrap_or(u32::MAX),
+            traced: self.traced,
+            rays: self.rays,
+            cancelled_before: self.rules.cancelled_before(),
+        }
+    }
+
+    /// The next requests of the first batch: fewer where few are left, so that all threads end together.
+    fn take_chunk(&mut self, threads: usize) -> Option<Chunk> {
+        let (stage, epoch) = self.stage.clone()?;
+        let count = (self.queued / (2 * threads)).clamp(SMALL_CHUNK, CHUNK);
+        while let Some(batch) = self.batches.front_mut() {
+            let requests: Vec<SampleRequest> = batch.requests.by_ref().take(count).collect();
+            let (view, pinhole) = (batch.view, batch.pinhole);
+            if batch.requests.len() == 0 {
+                self.batches.pop_front();
+            }
+            if !requests.is_empty() {
+                self.queued -= requests.len();
+                return Some(Chunk {
+                    view,
+                    pinhole,
+                    requests,
+                    stage,
+                    epoch,
+                    seed: self.seed,
+                });
+            }
+        }
+        None
+    }
+
+    fn finish(&mut self, view: u32, epoch: u32, mut traced: Traced) {
+        self.traced += traced.samples.len() as u64;
+        self.rays += traced.rays;
+        if self.closing {
+            return;
+        }
+        // What was cancelled meanwhile is no longer held.
+        traced
+            .samples
+            .retain(|sample| self.rules.release(sample.id));
+        if !traced.samples.is_empty() {
+            self.outgoing.push_back(ToDisplay::Samples {
+                view,
+                epoch,
+                samples: traced.samples,
+            });
+        }
+        if self.stage.as_ref().is_some_and(|(_, now)| *now == epoch) {
+            traced
+                .triples
+                .retain(|triple| self.triples_sent.insert(*triple));
+            if !traced.triples.is_empty() {
+                self.outgoing.push_back(ToDisplay::Triples {
+                    epoch,
+                    triples: traced.triples,
+                });
+            }
+        }
+    }
+}
