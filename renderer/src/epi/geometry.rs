@@ -4,7 +4,7 @@
 //! sub-pixel cells all have integer coordinates and every test is exact.
 
 /// A place in the pixel, integer units, x right, y down.
-pub(super) type Place = (i32, i32);
+pub(crate) type Place = (i32, i32);
 
 /// A square whose boundary is cut into `segments` pieces a side, numbered clockwise from the top-left corner.
 #[derive(Clone, Copy, Debug)]
@@ -27,7 +27,7 @@ impl Boundary {
     }
 
     /// The place that is `along` half segments clockwise from the top-left corner.
-    pub(super) fn at(self, along: i32) -> Place {
+    pub(crate) fn at(self, along: i32) -> Place {
         let side = self.side();
         let (quarter, rest) = (along / (2 * self.segments) % 4, along % (2 * self.segments));
         let d = rest * self.half;
@@ -40,12 +40,12 @@ impl Boundary {
     }
 
     /// The middle of a segment.
-    pub(super) fn middle(self, segment: i32) -> Place {
+    pub(crate) fn middle(self, segment: i32) -> Place {
         self.at(2 * segment + 1)
     }
 
     /// Polygon of the region that lies clockwise between the mid-points of segments `a < b`.
-    pub(super) fn inner_polygon(self, a: i32, b: i32) -> Vec<Place> {
+    pub(crate) fn inner_polygon(self, a: i32, b: i32) -> Vec<Place> {
         let mut polygon = vec![self.middle(a)];
         let corners = (1..4).filter(|k| a < k * self.segments && k * self.segments <= b);
         polygon.extend(corners.map(|k| self.at(2 * k * self.segments)));

@@ -10,7 +10,7 @@
 
 pub mod classify;
 pub mod code;
-mod geometry;
+pub(crate) mod geometry;
 pub mod grid;
 mod image;
 pub mod reach;

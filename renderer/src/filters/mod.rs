@@ -1,6 +1,7 @@
 //! Reconstruction: colours for pixels from the samples that they can reach, in linear radiance.
 
 pub mod antialias;
+pub mod complex;
 pub mod interpolate;
 pub mod settle;
 pub mod spread;

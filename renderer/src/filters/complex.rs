@@ -1,0 +1,203 @@
+//! The filter for complex pixels (paper section 5.4).
+//!
+//! The crossings with the lines through the middle of each pixel cut the 3x3 neighbourhood of a complex pixel into 6x6
+//! sub-pixels. Edges are reconstructed in these as in pixels, and each region of the pixel's own four sub-pixels is
+//! interpolated from what it reaches. What stays complex or reaches nothing keeps the estimate that ignored edges.
+//!
+//! The paper interpolates from samples alone. Few complex pixels have one within reach when samples are sparse, but
+//! their neighbours have been reconstructed from twenty-five pixels each: a neighbour that is not complex lends its
+//! colour to the sub-pixels at the corners of its primary region.
+
+mod subpixels;
+mod tables;
+
+use crate::edges::crossings::Crossings;
+use crate::epi::Epi;
+use crate::points::PixelSamples;
+use subpixels::{Subpixels, WINDOWS, bits, sub_bit};
+use tables::SubTables;
+
+/// Where the colours of sub-pixels come from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+pub enum Sources {
+    /// The paper's: samples within reach.
+    Samples,
+    /// Samples and the colours of neighbours that are not complex.
+    #[default]
+    SamplesAndNeighbours,
+}
+
+/// What the filter reads.
+#[derive(Clone, Copy)]
+pub struct Inputs<'a> {
+    /// Classes and primary regions of pixels.
+    pub epi: &'a Epi,
+    /// Crossings, half boundaries included.
+    pub crossings: &'a Crossings,
+    /// Samples of this frame.
+    pub samples: &'a PixelSamples,
+    /// Bit plane: the pixel's colour is not founded on samples and must not be lent.
+    pub bare: &'a [u64],
+    /// What may be interpolated.
+    pub sources: Sources,
+}
+
+/// What became of the regions of the complex pixels' sub-pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Outcome {
+    /// Complex pixels.
+    pub pixels: usize,
+    /// Regions with a colour of their own.
+    pub interpolated: usize,
+    /// Regions that kept the pixel's estimate.
+    pub kept: usize,
+}
+
+/// Weight of a neighbour's colour against a sample's at the same distance: it is a mean of samples already.
+const LENT_WEIGHT: f32 = 0.25;
+
+/// The filter and its tables.
+#[derive(Clone, Debug)]
+pub struct ComplexFilter {
+    tables: SubTables,
+    lent_weight: f32,
+}
+
+impl Default for ComplexFilter {
+    fn default() -> Self {
+        Self {
+            tables: SubTables::default(),
+            lent_weight: LENT_WEIGHT,
+        }
+    }
+}
+
+/// What the sub-pixels of a neighbourhood can be interpolated from. Pixels are numbered row by row.
+struct Seeds {
+    /// Regions (outer, inner) that hold a sample.
+    sampled: [u64; 2],
+    /// Regions that hold a corner of the primary region of a pixel with a colour to lend.
+    lent: [u64; 2],
+    /// Elements of the nine pixels.
+    at: [usize; 9],
+}
+
+impl ComplexFilter {
+    /// Reconstructs every complex pixel in place. `colours` (element arrays, linear radiance) hold the estimates of
+    /// complex pixels and the primary regions' colours of all others; no other pixel is written.
+    pub fn apply(&self, inputs: &Inputs, colours: &mut [Vec<f32>; 3]) -> Outcome {
+        let grid = inputs.epi.grid;
+        let mut outcome = Outcome::default();
+        for (i, &complex) in inputs.epi.complex.iter().enumerate() {
+            let (y, first) = (i / grid.words, i % grid.words * 64);
+            for x in bits(complex).map(|bit| first + bit) {
+                outcome.pixels += 1;
+                let rgb = self.pixel(inputs, colours, (x, y), &mut outcome);
+                for (plane, value) in colours.iter_mut().zip(rgb) {
+                    plane[grid.at(x, y)] = value;
+                }
+            }
+        }
+        outcome
+    }
+
+    fn pixel(
+        &self,
+        inputs: &Inputs,
+        colours: &[Vec<f32>; 3],
+        place: (usize, usize),
+        outcome: &mut Outcome,
+    ) -> [f32; 3] {
+        let at = inputs.epi.grid.at(place.0, place.1);
+        let estimate = colours.each_ref().map(|plane| plane[at]);
+        let sub = Subpixels::load(inputs.crossings, place);
+        let seeds = self.seeds(inputs, &sub, place);
+        let mut sum = [0.0f32; 3];
+        for window in &WINDOWS {
+            let inner_area = self.tables.inner_area(&sub, window.centre);
+            for (region, area) in [1.0 - inner_area, inner_area].into_iter().enumerate() {
+                if area == 0.0 {
+                    continue;
+                }
+                let colour = if sub.is_open(window.centre) {
+                    let reached = sub.reach(window, region);
+                    self.interpolate(inputs, colours, &seeds, window.centre, reached)
+                } else {
+                    None
+                };
+                outcome.interpolated += usize::from(colour.is_some());
+                outcome.kept += usize::from(colour.is_none());
+                let colour = colour.unwrap_or(estimate);
+                sum = std::array::from_fn(|k| sum[k] + area * colour[k]);
+            }
+        }
+        sum.map(|c| c * 0.25)
+    }
+
+    fn seeds(&self, inputs: &Inputs, sub: &Subpixels, (x, y): (usize, usize)) -> Seeds {
+        let (epi, grid) = (inputs.epi, inputs.epi.grid);
+        let mut seeds = Seeds {
+            sampled: [0; 2],
+            lent: [0; 2],
+            at: [0; 9],
+        };
+        for pixel in 0..9 {
+            let (column, row) = (pixel % 3, pixel / 3);
+            let (px, py) = ((x + column).wrapping_sub(1), (y + row).wrapping_sub(1));
+            if px >= grid.width || py >= grid.height {
+                continue;
+            }
+            let ((word, bit), at) = (grid.bit(px, py), grid.at(px, py));
+            let has = |plane: &[u64]| plane[word] >> bit & 1 != 0;
+            seeds.at[pixel] = at;
+            if has(&inputs.samples.has) {
+                let place = [inputs.samples.x[at], inputs.samples.y[at]];
+                if let Some((bit, region)) = self.tables.locate(sub, (column, row), place) {
+                    seeds.sampled[region] |= bit;
+                }
+            }
+            let lends = inputs.sources == Sources::SamplesAndNeighbours;
+            if lends && !has(&epi.complex) && !has(inputs.bare) {
+                for (corner, secondary) in epi.corner.iter().enumerate() {
+                    if !has(secondary) {
+                        // The sub-pixel at a corner of the pixel has that corner at the same place.
+                        let (right, low) = (corner == 1 || corner == 2, corner >= 2);
+                        let bit =
+                            sub_bit(2 * column + usize::from(right), 2 * row + usize::from(low));
+                        seeds.lent[sub.corner_region(bit, corner)] |= bit & sub.open;
+                    }
+                }
+            }
+        }
+        seeds
+    }
+
+    fn interpolate(
+        &self,
+        inputs: &Inputs,
+        colours: &[Vec<f32>; 3],
+        seeds: &Seeds,
+        centre: (usize, usize),
+        reached: [u64; 2],
+    ) -> Option<[f32; 3]> {
+        let mut total = 0.0;
+        let mut sum = [0.0f32; 3];
+        let both = |seeds: [u64; 2]| bits(reached[0] & seeds[0] | reached[1] & seeds[1]);
+        let mut add = |bit: usize, scale: f32, planes: &[Vec<f32>; 3]| {
+            let (column, row) = (bit % 8, bit / 8);
+            let at = seeds.at[row / 2 * 3 + column / 2];
+            let weight = scale
+                * self
+                    .tables
+                    .weight(column.abs_diff(centre.0), row.abs_diff(centre.1));
+            total += weight;
+            sum = std::array::from_fn(|k| sum[k] + weight * planes[k][at]);
+        };
+        both(seeds.sampled).for_each(|bit| add(bit, 1.0, &inputs.samples.rgb));
+        both(seeds.lent).for_each(|bit| add(bit, self.lent_weight, colours));
+        (total > 0.0).then(|| sum.map(|c| c / total))
+    }
+}
+
+#[cfg(test)]
+mod tests;
