@@ -6,3 +6,5 @@
 pub mod compare;
 pub mod metrics;
 pub mod picture;
+pub mod places;
+pub mod report;

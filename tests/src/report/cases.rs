@@ -1,0 +1,111 @@
+//! The scenes that the report measures, and the pictures they are judged by.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// A scene with a still camera and perhaps an independent picture of it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Case {
+    /// Short name, unique, fit for a file name.
+    pub name: String,
+    /// What to pass to the renderer: a built-in name or a file.
+    pub scene: PathBuf,
+    /// A picture of the still camera by an independent renderer, linear EXR.
+    pub picture: Option<PathBuf>,
+    /// A camera path of the scene.
+    pub path: Option<String>,
+    /// What a reader must know to judge the figures.
+    pub remark: String,
+}
+
+/// The scenes to measure. `--quick` takes the independent references alone where they are found.
+///
+/// # Errors
+/// When a scene file cannot be adapted into `work`.
+pub fn find(shared: Option<&Path>, work: &Path, quick: bool) -> io::Result<Vec<Case>> {
+    let mut cases = Vec::new();
+    if let Some(shared) = shared {
+        cases.extend(references(&shared.join("references"), work)?);
+    }
+    if cases.is_empty() || !quick {
+        cases.extend(["chains", "rooms"].map(built_in));
+    }
+    Ok(cases)
+}
+
+fn built_in(name: &str) -> Case {
+    Case {
+        name: name.to_owned(),
+        scene: name.into(),
+        picture: None,
+        path: Some("orbit".to_owned()),
+        remark: "Judged by the renderer's own reference method.".to_owned(),
+    }
+}
+
+fn references(folder: &Path, work: &Path) -> io::Result<Vec<Case>> {
+    let mut cases = Vec::new();
+    let chains = folder.join("chains");
+    if chains.join("ref.exr").is_file() {
+        cases.push(Case {
+            name: "chains-reference".to_owned(),
+            scene: chains.join("chains.toml"),
+            picture: Some(chains.join("ref.exr")),
+            path: Some("move".to_owned()),
+            remark: "Judged by a Mitsuba 3 picture of the same scene.".to_owned(),
+        });
+    }
+    let rooms = folder.join("rooms");
+    if rooms.join("ref_direct.exr").is_file() {
+        cases.push(Case {
+            name: "rooms-reference".to_owned(),
+            scene: with_direct_light(&rooms, "rooms.toml", work)?,
+            picture: Some(rooms.join("ref_direct.exr")),
+            path: Some("move".to_owned()),
+            remark: "Direct light only, judged by a Mitsuba 3 picture with direct light. The rivals' figures are for \
+                     global illumination in the same scene."
+                .to_owned(),
+        });
+    }
+    Ok(cases)
+}
+
+/// A copy in `work` of a scene file, asking for direct light and naming its meshes by whole paths.
+fn with_direct_light(folder: &Path, file: &str, work: &Path) -> io::Result<PathBuf> {
+    let folder = folder.canonicalize()?;
+    let text = fs::read_to_string(folder.join(file))?
+        .replace("model = \"global\"", "model = \"direct\"")
+        .replace("mesh = \"", &format!("mesh = \"{}/", folder.display()));
+    let copy = work.join(format!("direct-{file}"));
+    fs::write(&copy, text)?;
+    Ok(copy)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_direct_copy_keeps_its_meshes() {
+        let (folder, work) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        let text = "[shading]\nmodel = \"global\"\n[[object]]\nmesh = \"a.obj\"\n";
+        fs::write(folder.path().join("a.toml"), text).unwrap();
+        let copy = with_direct_light(folder.path(), "a.toml", work.path()).unwrap();
+        let text = fs::read_to_string(copy).unwrap();
+        let mesh = folder.path().canonicalize().unwrap().join("a.obj");
+        assert!(text.contains("model = \"direct\""));
+        assert!(
+            text.contains(&format!("mesh = \"{}\"", mesh.display())),
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn without_references_the_built_in_scenes_are_measured() {
+        let folder = tempfile::tempdir().unwrap();
+        let cases = references(folder.path(), folder.path()).unwrap();
+        assert!(cases.is_empty());
+        assert_eq!(built_in("rooms").scene, Path::new("rooms"));
+    }
+}

@@ -1,0 +1,253 @@
+//! Where sections get their runs: each distinct run is made once, within the time allowed.
+
+use std::collections::HashMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::rc::Rc;
+use std::time::{Duration, Instant};
+
+use super::cases::Case;
+use super::machine::Machine;
+use super::page::Block;
+use super::runner::{Job, Method, Render, Run, RunError, Write};
+use crate::picture::{Picture, PictureError};
+
+/// How much is measured.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Settings {
+    /// Width and height of pictures that are judged, pixels; an independent reference brings its own.
+    pub size_px: [u32; 2],
+    /// Frames of a still camera.
+    pub still_frames: u32,
+    /// Frames of a still camera for the settled error; not measured without.
+    pub settled_frames: Option<u32>,
+    /// Samples a pixel of the renderer's own references.
+    pub reference_spp: u32,
+    /// Samples a pixel of the reference method as a rival.
+    pub spp_steps: &'static [u32],
+    /// Shares of pixels sampled a frame along a path, in hundredths of a percent.
+    pub path_shares: &'static [u32],
+    /// Width and height of pictures judged along a path, pixels.
+    pub path_size_px: [u32; 2],
+    /// Samples a pixel of references along a path.
+    pub path_reference_spp: u32,
+    /// Sizes at which stages are timed, with the number of frames.
+    pub timed: &'static [([u32; 2], u32)],
+}
+
+impl Settings {
+    /// What two minutes allow.
+    pub fn quick() -> Self {
+        Self {
+            size_px: [256, 256],
+            still_frames: 20,
+            settled_frames: None,
+            reference_spp: 16,
+            spp_steps: &[4],
+            path_shares: &[200, 1000],
+            path_size_px: [256, 256],
+            path_reference_spp: 4,
+            timed: &[([512, 512], 30), ([1920, 1080], 8), ([3840, 2160], 3)],
+        }
+    }
+
+    /// Everything.
+    pub fn full() -> Self {
+        Self {
+            size_px: [512, 512],
+            still_frames: 50,
+            settled_frames: Some(400),
+            reference_spp: 256,
+            spp_steps: &[2, 4, 16],
+            path_shares: &[50, 100, 200, 500, 1000, 2000],
+            path_size_px: [256, 256],
+            path_reference_spp: 16,
+            timed: &[([512, 512], 60), ([1920, 1080], 30), ([3840, 2160], 15)],
+        }
+    }
+}
+
+/// The measuring bench.
+pub struct Lab<'a> {
+    renderer: &'a dyn Render,
+    /// How much is measured.
+    pub settings: Settings,
+    /// The scenes.
+    pub cases: Vec<Case>,
+    /// The machine measured on.
+    pub machine: Machine,
+    work: PathBuf,
+    start: Instant,
+    deadline: Instant,
+    runs: HashMap<Job, Result<Rc<Run>, RunError>>,
+    started: usize,
+}
+
+/// Samples a frame for a share of the pixels given in hundredths of a percent, rounded to nearest.
+pub fn budget([width, height]: [u32; 2], share: u32) -> u32 {
+    let pixels = u64::from(width) * u64::from(height);
+    ((pixels * u64::from(share) + 5_000) / 10_000) as u32
+}
+
+impl<'a> Lab<'a> {
+    /// A bench that keeps the runs' files under `work`.
+    pub fn new(
+        renderer: &'a dyn Render,
+        settings: Settings,
+        cases: Vec<Case>,
+        work: PathBuf,
+        checkout: &Path,
+    ) -> Self {
+        let start = Instant::now();
+        let machine = Machine::look(checkout);
+        Self {
+            renderer,
+            settings,
+            cases,
+            machine,
+            work,
+            start,
+            deadline: start,
+            runs: HashMap::new(),
+            started: 0,
+        }
+    }
+
+    /// Gives the runs from now on this much time altogether.
+    pub fn allow(&mut self, time: Duration) {
+        self.deadline = Instant::now() + time;
+    }
+
+    /// The run of `job`, made now or taken from before. Pictures of frames not in `keep` are removed, to save space.
+    ///
+    /// # Errors
+    /// [`RunError`] when it failed or the time is over; a run cut short is tried again when asked for again.
+    pub fn run(&mut self, job: &Job, keep: &[u32]) -> Result<Rc<Run>, RunError> {
+        if let Some(known) = self.runs.get(job) {
+            return known.clone();
+        }
+        if Instant::now() >= self.deadline {
+            return Err(RunError::OutOfTime);
+        }
+        let folder = self.work.join(format!("run-{}", self.started));
+        self.started += 1;
+        fs::create_dir_all(&folder)?;
+        eprintln!(
+            "[{:6.1} s] {}",
+            self.start.elapsed().as_secs_f64(),
+            describe(job)
+        );
+        let result = self
+            .renderer
+            .render(job, &folder, self.deadline)
+            .map(Rc::new);
+        if result.is_ok() {
+            remove_pictures(&folder, keep)?;
+        }
+        if !matches!(result, Err(RunError::OutOfTime)) {
+            self.runs.insert(job.clone(), result.clone());
+        }
+        result
+    }
+
+    /// A job with a still camera at the size in which the case is judged and 2 % of its pixels a frame.
+    ///
+    /// # Errors
+    /// [`PictureError`] when the independent picture cannot be read.
+    pub fn still_job(&self, case: &Case, method: Method, frames: u32) -> Result<Job, PictureError> {
+        let size_px = match &case.picture {
+            Some(path) => Picture::open(path)?.size_px(),
+            None => self.settings.size_px,
+        };
+        Ok(Job {
+            scene: case.scene.clone(),
+            method,
+            size_px,
+            frames,
+            path: None,
+            samples_per_frame: budget(size_px, 200),
+            write: Write::All,
+            threads: None,
+            seed: 0,
+        })
+    }
+
+    /// The picture that the still camera is judged by: the independent one, or else the renderer's own.
+    ///
+    /// # Errors
+    /// [`MeasureError`] when it cannot be read or made.
+    pub fn still_reference(&mut self, case: &Case) -> Result<Picture, MeasureError> {
+        if let Some(path) = &case.picture {
+            return Ok(Picture::open(path)?);
+        }
+        let method = Method::Reference(self.settings.reference_spp);
+        let job = Job {
+            seed: 1,
+            write: Write::Last,
+            ..self.still_job(case, method, 1)?
+        };
+        Ok(self.run(&job, &[0])?.picture(0)?)
+    }
+}
+
+/// Why a figure is missing.
+#[derive(Debug, thiserror::Error)]
+pub enum MeasureError {
+    /// A run gave nothing.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// A picture cannot be used.
+    #[error(transparent)]
+    Picture(#[from] PictureError),
+}
+
+/// Passes a result on, or puts on the page what is missing and why; the same reason is given once.
+pub fn or_missing<T, E: std::fmt::Display>(
+    blocks: &mut Vec<Block>,
+    what: &str,
+    result: Result<T, E>,
+) -> Option<T> {
+    match result {
+        Ok(value) => Some(value),
+        Err(error) => {
+            let block = Block::Missing(format!("{what}: {error}"));
+            if !blocks.contains(&block) {
+                blocks.push(block);
+            }
+            None
+        }
+    }
+}
+
+fn describe(job: &Job) -> String {
+    let [width, height] = job.size_px;
+    let spp = if let Method::Reference(spp) = job.method {
+        format!(" x{spp}")
+    } else {
+        String::new()
+    };
+    let path = job.path.as_deref().unwrap_or("still");
+    let (scene, method, frames) = (job.scene.display(), job.method.name(), job.frames);
+    format!(
+        "{scene} {path} {method}{spp} {width}x{height}, {frames} frames, {} samples",
+        job.samples_per_frame
+    )
+}
+
+fn remove_pictures(folder: &Path, keep: &[u32]) -> Result<(), RunError> {
+    let kept: Vec<String> = keep
+        .iter()
+        .map(|frame| format!("frame-{frame:04}"))
+        .collect();
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        let stem = path
+            .file_stem()
+            .and_then(|s| s.to_str())
+            .unwrap_or_default();
+        if stem.starts_with("frame-") && !kept.iter().any(|k| k == stem) {
+            fs::remove_file(path)?;
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,268 @@
+//! The `report` command: measures on this machine and writes one page with tables, charts and pictures.
+//!
+//! A [`sections::Section`] asks the [`lab::Lab`] for runs of the renderer and returns [`page::Block`]s.
+//! To add one, write a module beside the others in `sections/` and name it in [`sections::ALL`].
+
+pub mod cases;
+pub mod chart;
+#[cfg(test)]
+mod fake;
+pub mod lab;
+pub mod machine;
+pub mod page;
+pub mod rivals;
+pub mod runner;
+pub mod sections;
+pub mod stats;
+pub mod table;
+
+use std::fs;
+use std::io;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use clap::Parser;
+use thiserror::Error;
+
+use lab::{Lab, Settings};
+use page::{Block, Part};
+use runner::{Render, RunError};
+use sections::Section;
+
+/// Time that --quick gives to all runs, leaving the rest of its two minutes for scoring and start-up.
+const QUICK_TIME: Duration = Duration::from_secs(100);
+/// The whole report is given this long, so that a hanging run ends it some day.
+const FULL_TIME: Duration = Duration::from_secs(3 * 3600);
+
+/// Measures speed and error on this machine; writes report.html and CSV files.
+#[derive(Debug, Parser)]
+#[command(name = "report", version)]
+pub struct Args {
+    /// At most two minutes: smaller pictures, fewer settings.
+    #[arg(long)]
+    pub quick: bool,
+    /// Folder for report.html and the CSV files.
+    #[arg(long, default_value = "report", value_name = "DIR")]
+    pub out: PathBuf,
+    /// Only these sections (may be repeated).
+    #[arg(long, value_name = "SECTION", value_parser = sections::names())]
+    pub only: Vec<String>,
+}
+
+/// Folders that the report looks into.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Places {
+    /// The repository, for the commit.
+    pub checkout: PathBuf,
+    /// Scenes with pictures by an independent renderer, where there are any.
+    pub shared: Option<PathBuf>,
+}
+
+/// Why there is no report.
+#[derive(Debug, Error)]
+pub enum ReportError {
+    /// The renderer is missing or cannot be started at all.
+    #[error(transparent)]
+    Run(#[from] RunError),
+    /// A file of the report cannot be written.
+    #[error("cannot write {path}: {source}; choose another folder with --out")]
+    Write {
+        /// The file or folder.
+        path: PathBuf,
+        /// What the system said.
+        source: io::Error,
+    },
+}
+
+/// What a finished report holds.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Summary {
+    /// The page.
+    pub page: PathBuf,
+    /// Everything that could not be measured.
+    pub missing: Vec<String>,
+}
+
+/// Measures and writes everything asked for. What cannot be measured is named on the page and in the summary.
+///
+/// # Errors
+/// [`ReportError`] when a file cannot be written.
+pub fn run(args: &Args, renderer: &dyn Render, places: &Places) -> Result<Summary, ReportError> {
+    let settings = if args.quick {
+        Settings::quick()
+    } else {
+        Settings::full()
+    };
+    measure(args, settings, renderer, places)
+}
+
+fn measure(
+    args: &Args,
+    settings: Settings,
+    renderer: &dyn Render,
+    places: &Places,
+) -> Result<Summary, ReportError> {
+    let in_folder = |source| ReportError::Write {
+        path: args.out.clone(),
+        source,
+    };
+    fs::create_dir_all(&args.out).map_err(in_folder)?;
+    let work = tempfile::tempdir().map_err(in_folder)?;
+    let cases =
+        cases::find(places.shared.as_deref(), work.path(), args.quick).map_err(in_folder)?;
+    let mut lab = Lab::new(
+        renderer,
+        settings,
+        cases,
+        work.path().to_owned(),
+        &places.checkout,
+    );
+    let wanted = |s: &&Section| args.only.is_empty() || args.only.iter().any(|name| name == s.name);
+    let chosen: Vec<&Section> = sections::ALL.iter().filter(wanted).collect();
+    let end = Instant::now() + if args.quick { QUICK_TIME } else { FULL_TIME };
+    let mut parts = Vec::new();
+    for (i, section) in chosen.iter().enumerate() {
+        let left: u32 = chosen[i..].iter().map(|s| s.share).sum();
+        lab.allow(end.saturating_duration_since(Instant::now()) * section.share / left.max(1));
+        parts.push(Part {
+            title: section.title.to_owned(),
+            blocks: (section.measure)(&mut lab),
+        });
+    }
+    write_files(&args.out, &parts)?;
+    let missing = parts
+        .iter()
+        .flat_map(|p| &p.blocks)
+        .filter_map(|block| match block {
+            Block::Missing(text) => Some(text.clone()),
+            _ => None,
+        });
+    Ok(Summary {
+        page: args.out.join("report.html"),
+        missing: missing.collect(),
+    })
+}
+
+fn write_files(out: &std::path::Path, parts: &[Part]) -> Result<(), ReportError> {
+    let write = |name: String, text: String| {
+        let path = out.join(name);
+        fs::write(&path, text).map_err(|source| ReportError::Write { path, source })
+    };
+    for (stem, csv) in page::csv_files(parts) {
+        write(format!("{stem}.csv"), csv)?;
+    }
+    write(
+        "report.html".to_owned(),
+        page::to_html("Edge-and-point rendering: speed and error", parts),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::fake::Fake;
+    use super::runner::Method;
+    use super::*;
+
+    fn report(fake: &Fake, only: &[&str]) -> (tempfile::TempDir, Summary, String) {
+        let folder = tempfile::tempdir().unwrap();
+        let only = only.iter().map(|s| (*s).to_owned()).collect();
+        let args = Args {
+            quick: true,
+            out: folder.path().join("out"),
+            only,
+        };
+        let settings = Settings {
+            size_px: [64, 64],
+            path_size_px: [64, 64],
+            ..Settings::quick()
+        };
+        let places = Places {
+            checkout: folder.path().to_owned(),
+            shared: None,
+        };
+        let summary = measure(&args, settings, fake, &places).unwrap();
+        let page = fs::read_to_string(&summary.page).unwrap();
+        (folder, summary, page)
+    }
+
+    #[test]
+    fn every_section_gives_its_tables_charts_and_pictures() {
+        let fake = Fake::default();
+        let (folder, summary, page) = report(&fake, &[]);
+        assert_eq!(summary.missing, [""; 0]);
+        for section in &sections::ALL {
+            assert!(
+                page.contains(&page::escape(section.title)),
+                "{}",
+                section.name
+            );
+        }
+        for file in [
+            "machine",
+            "still-chains",
+            "still-rooms-flip-time",
+            "path-chains-relmse",
+            "stages-rooms-one-core",
+            "counts",
+            "rivals",
+        ] {
+            assert!(
+                folder.path().join(format!("out/{file}.csv")).is_file(),
+                "{file}"
+            );
+        }
+        assert!(
+            page.matches("<svg").count() >= 2 * (6 + 3),
+            "charts are missing"
+        );
+        assert!(
+            page.matches("data:image/png").count() >= 2 * 3,
+            "pictures are missing"
+        );
+        let counts = fs::read_to_string(folder.path().join("out/counts.csv")).unwrap();
+        assert!(counts.contains("321"), "{counts}");
+    }
+
+    #[test]
+    fn no_run_is_made_twice() {
+        let fake = Fake::default();
+        report(&fake, &[]);
+        let jobs = fake.jobs.borrow();
+        for (i, job) in jobs.iter().enumerate() {
+            assert!(!jobs[..i].contains(job), "{job:?}");
+        }
+    }
+
+    #[test]
+    fn a_failing_method_is_named_and_the_others_are_kept() {
+        let fake = Fake {
+            fails: Some(Method::NoComplex),
+            ..Fake::default()
+        };
+        let (folder, summary, page) = report(&fake, &["still"]);
+        assert!(
+            summary.missing.iter().all(|m| m.contains("no such method")),
+            "{:?}",
+            summary.missing
+        );
+        assert_eq!(summary.missing.len(), 1, "the same reason is given once");
+        assert!(page.contains("points-only") && page.contains("Not measured"));
+        let csv = fs::read_to_string(folder.path().join("out/still-chains.csv")).unwrap();
+        assert!(csv.contains("edge-and-point,20,"), "{csv}");
+    }
+
+    #[test]
+    fn the_still_error_falls_in_the_table() {
+        let (folder, ..) = report(&Fake::default(), &["still"]);
+        let csv = fs::read_to_string(folder.path().join("out/still-chains.csv")).unwrap();
+        let flip: Vec<f64> = csv
+            .lines()
+            .filter(|l| l.starts_with("points-only,"))
+            .map(|l| l.split(',').nth(4).unwrap().parse().unwrap())
+            .collect();
+        assert!(
+            flip.len() == 5 && flip.is_sorted_by(|a, b| a > b),
+            "{flip:?}"
+        );
+    }
+}

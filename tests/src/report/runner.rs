@@ -1,0 +1,362 @@
+//! Running the real `renderer` binary by its stable command line (DESIGN section 7).
+
+use std::ffi::OsString;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::rc::Rc;
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use thiserror::Error;
+
+use super::stats::{self, FrameStats, StatsError};
+use crate::picture::{Picture, PictureError};
+
+/// How the renderer makes its picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Method {
+    /// The default: sparse samples and edges.
+    EdgeAndPoint,
+    /// The same without the complex filter.
+    NoComplex,
+    /// The same samples without edges: the Render Cache.
+    PointsOnly,
+    /// Every pixel shaded once, no reconstruction.
+    Full,
+    /// This many jittered samples a pixel, box-filtered.
+    Reference(u32),
+}
+
+impl Method {
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::EdgeAndPoint => "edge-and-point",
+            Self::NoComplex => "no-complex",
+            Self::PointsOnly => "points-only",
+            Self::Full => "full",
+            Self::Reference(_) => "reference",
+        }
+    }
+}
+
+/// Which frames become files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Write {
+    /// Every frame.
+    All,
+    /// The last one.
+    Last,
+    /// None.
+    None,
+    /// Every n-th.
+    Every(u32),
+}
+
+/// One run of `renderer render`, always in lockstep.
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
+pub struct Job {
+    /// A scene file or a built-in name.
+    pub scene: PathBuf,
+    /// How the picture is made.
+    pub method: Method,
+    /// Width and height, pixels.
+    pub size_px: [u32; 2],
+    /// Number of frames.
+    pub frames: u32,
+    /// A path of the scene; a still camera without.
+    pub path: Option<String>,
+    /// Sample budget a frame, for the methods that have one.
+    pub samples_per_frame: u32,
+    /// Which frames are written, as PNG and EXR.
+    pub write: Write,
+    /// The display's own threads; its default without.
+    pub threads: Option<u32>,
+    /// Seed of all random choices.
+    pub seed: u32,
+}
+
+impl Job {
+    /// Arguments after the program's name.
+    pub fn args(&self, out: &Path, stats: &Path) -> Vec<OsString> {
+        let [width, height] = self.size_px;
+        let mut args: Vec<OsString> = vec!["render".into(), self.scene.clone().into()];
+        let mut option = |name: &str, value: OsString| args.extend([name.into(), value]);
+        option("--out", out.into());
+        option("--frames", self.frames.to_string().into());
+        option("--size", format!("{width}x{height}").into());
+        option(
+            "--samples-per-frame",
+            self.samples_per_frame.to_string().into(),
+        );
+        option("--stats", stats.into());
+        option("--seed", self.seed.to_string().into());
+        option("--method", self.method.name().into());
+        if let Method::Reference(spp) = self.method {
+            option("--spp", spp.to_string().into());
+        }
+        if let Some(path) = &self.path {
+            option("--path", path.into());
+        }
+        if let Some(threads) = self.threads {
+            option("--threads", threads.to_string().into());
+        }
+        let write = match self.write {
+            Write::All => "all".to_owned(),
+            Write::Last => "last".to_owned(),
+            Write::None => "none".to_owned(),
+            Write::Every(n) => format!("every:{n}"),
+        };
+        option("--write", write.into());
+        args.push("--lockstep".into());
+        if self.write != Write::None {
+            args.push("--exr".into());
+        }
+        args
+    }
+}
+
+/// What a run left behind.
+#[derive(Debug, Clone)]
+pub struct Run {
+    /// The folder with its frames.
+    pub folder: PathBuf,
+    /// Statistics of every frame.
+    pub frames: Vec<FrameStats>,
+    /// Time of the whole process, start and loading included, milliseconds.
+    pub wall_ms: f64,
+}
+
+impl Run {
+    /// The linear picture of a frame.
+    ///
+    /// # Errors
+    /// [`PictureError::Read`] when the frame was not written.
+    pub fn picture(&self, frame: u32) -> Result<Picture, PictureError> {
+        Picture::open(&self.folder.join(format!("frame-{frame:04}.exr")))
+    }
+
+    /// Time from the first frame's start to this frame's end, waiting for samples included, milliseconds.
+    pub fn elapsed_ms(&self, frame: u32) -> f64 {
+        self.frames
+            .iter()
+            .take(frame as usize + 1)
+            .map(|f| f.total_ms + f.wait_ms)
+            .sum()
+    }
+
+    /// Samples that arrived up to and with this frame.
+    pub fn samples(&self, frame: u32) -> u64 {
+        self.frames
+            .iter()
+            .take(frame as usize + 1)
+            .map(|f| f.samples_new)
+            .sum()
+    }
+}
+
+/// Why a run gave nothing.
+#[derive(Debug, Clone, Error)]
+pub enum RunError {
+    /// The binary is not there.
+    #[error("the renderer is not at {0}; build it with `cargo build --release` first")]
+    NotBuilt(PathBuf),
+    /// The time for this part is over.
+    #[error("the time allowed is over; run without --quick for the whole report")]
+    OutOfTime,
+    /// The process said no.
+    #[error("`renderer {args}` failed ({status}): {stderr}")]
+    Failed {
+        /// Its arguments.
+        args: String,
+        /// How it ended.
+        status: String,
+        /// The last line of its error output.
+        stderr: String,
+    },
+    /// A file or a process of the run cannot be used.
+    #[error("cannot run the renderer: {0}")]
+    Io(Rc<io::Error>),
+    /// Its statistics are not as agreed.
+    #[error(transparent)]
+    Stats(Rc<StatsError>),
+}
+
+impl From<io::Error> for RunError {
+    fn from(error: io::Error) -> Self {
+        Self::Io(Rc::new(error))
+    }
+}
+
+/// Something that can do a [`Job`]: the real renderer, or a stand-in in tests.
+pub trait Render {
+    /// Does `job` into the empty folder `folder`, giving up at `deadline`.
+    ///
+    /// # Errors
+    /// [`RunError`] says what went wrong; a run past its deadline is ended and gives [`RunError::OutOfTime`].
+    fn render(&self, job: &Job, folder: &Path, deadline: Instant) -> Result<Run, RunError>;
+}
+
+/// The real binary.
+#[derive(Debug, Clone)]
+pub struct Renderer {
+    program: PathBuf,
+}
+
+impl Renderer {
+    /// The binary next to this process's own executable, or one folder up (for tests and examples).
+    ///
+    /// # Errors
+    /// [`RunError::NotBuilt`] with the place where it should be.
+    pub fn locate() -> Result<Self, RunError> {
+        let own = std::env::current_exe()?;
+        let name = format!("renderer{}", std::env::consts::EXE_SUFFIX);
+        let places: Vec<PathBuf> = own
+            .ancestors()
+            .skip(1)
+            .take(2)
+            .map(|f| f.join(&name))
+            .collect();
+        match places.iter().find(|p| p.is_file()) {
+            Some(program) => Ok(Self {
+                program: program.clone(),
+            }),
+            None => Err(RunError::NotBuilt(places.into_iter().next().unwrap_or(own))),
+        }
+    }
+
+    /// A given binary.
+    pub fn at(program: PathBuf) -> Self {
+        Self { program }
+    }
+}
+
+impl Render for Renderer {
+    fn render(&self, job: &Job, folder: &Path, deadline: Instant) -> Result<Run, RunError> {
+        let (stats_file, log_file) = (folder.join("stats.jsonl"), folder.join("stderr.txt"));
+        let args = job.args(folder, &stats_file);
+        let log = fs::File::create(&log_file)?;
+        let start = Instant::now();
+        let mut child = Command::new(&self.program)
+            .args(&args)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(log)
+            .spawn()?;
+        let status = loop {
+            if let Some(status) = child.try_wait()? {
+                break status;
+            }
+            if Instant::now() >= deadline {
+                child.kill()?;
+                child.wait()?;
+                return Err(RunError::OutOfTime);
+            }
+            sleep(Duration::from_millis(2));
+        };
+        let wall_ms = start.elapsed().as_secs_f64() * 1e3;
+        if !status.success() {
+            let text = String::from_utf8_lossy(&fs::read(&log_file)?).into_owned();
+            let last = text
+                .lines()
+                .rev()
+                .find(|l| !l.trim().is_empty())
+                .unwrap_or("it said nothing");
+            let args = args
+                .iter()
+                .map(|a| a.to_string_lossy())
+                .collect::<Vec<_>>()
+                .join(" ");
+            return Err(RunError::Failed {
+                args,
+                status: status.to_string(),
+                stderr: last.to_owned(),
+            });
+        }
+        let frames = stats::parse(&fs::read_to_string(&stats_file)?)
+            .map_err(|error| RunError::Stats(Rc::new(error)))?;
+        Ok(Run {
+            folder: folder.to_owned(),
+            frames,
+            wall_ms,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn job() -> Job {
+        Job {
+            scene: "scenes/chains.toml".into(),
+            method: Method::Reference(16),
+            size_px: [320, 200],
+            frames: 3,
+            path: Some("orbit".to_owned()),
+            samples_per_frame: 1280,
+            write: Write::Every(2),
+            threads: Some(1),
+            seed: 7,
+        }
+    }
+
+    #[test]
+    fn the_command_line_is_the_contract_s() {
+        let args = job().args(Path::new("o"), Path::new("s"));
+        let text = args
+            .iter()
+            .map(|a| a.to_string_lossy())
+            .collect::<Vec<_>>()
+            .join(" ");
+        assert_eq!(
+            text,
+            "render scenes/chains.toml --out o --frames 3 --size 320x200 --samples-per-frame 1280 --stats s --seed 7 \
+             --method reference --spp 16 --path orbit --threads 1 --write every:2 --lockstep --exr"
+        );
+    }
+
+    #[cfg(unix)]
+    fn script(folder: &Path, text: &str) -> Renderer {
+        use std::os::unix::fs::PermissionsExt;
+        let program = folder.join("fake");
+        fs::write(&program, format!("#!/bin/sh\n{text}\n")).unwrap();
+        fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).unwrap();
+        Renderer::at(program)
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_run_gives_its_statistics_its_failure_or_its_end() {
+        let folder = tempfile::tempdir().unwrap();
+        let soon = || Instant::now() + Duration::from_secs(20);
+        let line = r#"{"frame":0,"total_ms":2.0,"wait_ms":3.0,"samples_new":9}"#;
+        let good = script(
+            folder.path(),
+            &format!("while [ \"$1\" != --stats ]; do shift; done; echo '{line}' > \"$2\""),
+        );
+        let run = good.render(&job(), folder.path(), soon()).unwrap();
+        assert_eq!((run.elapsed_ms(0), run.samples(0)), (5.0, 9));
+
+        let bad = script(
+            folder.path(),
+            "echo first >&2; echo 'no such scene' >&2; exit 2",
+        );
+        let error = bad
+            .render(&job(), folder.path(), soon())
+            .unwrap_err()
+            .to_string();
+        assert!(
+            error.contains("no such scene") && error.contains('2'),
+            "{error}"
+        );
+
+        let slow = script(folder.path(), "exec sleep 20");
+        let error = slow
+            .render(&job(), folder.path(), Instant::now())
+            .unwrap_err();
+        assert!(matches!(error, RunError::OutOfTime), "{error}");
+    }
+}
