@@ -8,12 +8,13 @@ use fearless_simd::Level;
 use protocol::scene::Scene;
 
 use crate::camera::View;
-use crate::config::{Choices, Interpolation, PlaceBits, PointCulling, Priority};
+use crate::config::{Choices, Interpolation, Method, PlaceBits, PointCulling, Priority};
 use crate::epi::code::{Places, Side};
 use crate::epi::grid::Grid;
 use crate::epi::reach::ReachMap;
 use crate::epi::{Epi, SamplePlaces};
 use crate::filters::antialias::{self, Antialias};
+use crate::filters::complex::{self, ComplexFilter};
 use crate::filters::interpolate::{self, Interpolated, interpolate};
 use crate::filters::settle::settle;
 use crate::filters::spread::{Neighbours, Spread};
@@ -52,6 +53,9 @@ pub struct Display {
     interpolated: Interpolated,
     spread: Spread,
     antialias: Antialias,
+    complex: ComplexFilter,
+    secondary_known: Vec<u64>,
+    secondary: [Vec<f32>; 3],
     image: [Vec<f32>; 3],
     suspects: Vec<(u16, u16)>,
     priorities: Priorities,
@@ -95,6 +99,9 @@ impl Display {
             interpolated: Interpolated::new(grid),
             spread: Spread::new(grid),
             antialias: Antialias::default(),
+            complex: ComplexFilter::default(),
+            secondary_known: vec![0; grid.plane_words()],
+            secondary: [plane(), plane(), plane()],
             image: [plane(), plane(), plane()],
             suspects: Vec::new(),
             priorities: Priorities::new(grid),
@@ -137,6 +144,12 @@ impl Display {
         ms.time(Stage::Interpolate, || self.interpolate());
         for (to, from) in self.image.iter_mut().zip(&self.interpolated.rgb) {
             to.copy_from_slice(from);
+        }
+        if self.choices.method == Method::EdgeAndPoint {
+            ms.time(Stage::Complex, || self.reconstruct_complex());
+        }
+        if self.choices.antialias.is_on() {
+            ms.time(Stage::Antialias, || self.blend_simple());
         }
         if settling {
             ms.time(Stage::Antialias, || {
@@ -225,6 +238,52 @@ impl Display {
         let wanted = (&self.centre[0][..], &self.centre[1][..]);
         self.spread
             .fill(&self.pixels, near, wanted, &mut self.interpolated);
+    }
+
+    fn reconstruct_complex(&mut self) {
+        let inputs = complex::Inputs {
+            epi: &self.epi,
+            crossings: self.edges.crossings(),
+            samples: &self.pixels,
+            bare: &self.interpolated.bare,
+            sources: complex::Sources::default(),
+        };
+        self.complex.apply(&inputs, &mut self.image);
+    }
+
+    fn blend_simple(&mut self) {
+        self.find_secondary();
+        let inputs = antialias::Inputs {
+            epi: &self.epi,
+            reach: &self.reach,
+            bare: &self.interpolated.bare,
+            direct: Some(antialias::Direct {
+                known: &self.secondary_known,
+                rgb: self.secondary.each_ref().map(Vec::as_slice),
+            }),
+        };
+        self.antialias.apply(&inputs, &mut self.image);
+    }
+
+    /// Colours of secondary regions that have samples of their own, which a still camera gathers.
+    fn find_secondary(&mut self) {
+        self.secondary_known.fill(0);
+        if self.still.samples() == 0 {
+            return;
+        }
+        let Self { grid, epi, still, secondary, secondary_known, .. } = self;
+        for_each_bit(*grid, &epi.simple, |x, y| {
+            let Some(split) = still.split(x, y, epi.code_at(x, y).0) else { return };
+            let (word, bit) = grid.bit(x, y);
+            let region = usize::from(epi.primary_inner[word] >> bit & 1 == 0);
+            let mean = &split.regions[region];
+            if mean.count > 0.0 {
+                secondary_known[word] |= 1 << bit;
+                for (plane, value) in secondary.iter_mut().zip(mean.rgb) {
+                    plane[grid.at(x, y)] = value;
+                }
+            }
+        });
     }
 
     /// Priorities of the frame just drawn.
