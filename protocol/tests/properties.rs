@@ -57,13 +57,10 @@ fn feed(bytes: &[u8]) {
     if let Ok(message) = decode::<ToDisplay>(bytes)
         && message.validate().is_ok()
     {
-        let mut session = DisplaySession::new(
-            [0; 32],
-            SceneSize {
-                lights: 1,
-                objects: 1,
-            },
-        );
+        let mut session = DisplaySession::new(SceneSize {
+            lights: 1,
+            objects: 1,
+        });
         let _ = session.receive(&message);
     }
     if let Ok(scene) = decode::<Scene>(bytes) {

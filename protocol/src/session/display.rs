@@ -30,11 +30,8 @@ impl From<&Scene> for SceneSize {
 /// What a message from a server means.
 #[derive(Clone, Debug, PartialEq)]
 pub enum DisplayEvent {
-    /// The server is there: announce the scene, and send its chunks unless it `holds` it.
-    Welcome {
-        /// Whether the server has the scene already.
-        holds: bool,
-    },
+    /// The server is there: [`DisplaySession::announce`] the scene.
+    Welcome,
     /// Views and requests may be sent from now on.
     Ready,
     /// The message's samples, each of which had been asked for, are good.
@@ -75,7 +72,8 @@ enum Phase {
 #[derive(Debug)]
 pub struct DisplaySession {
     phase: Phase,
-    digest: Digest,
+    digest: Option<Digest>,
+    holds: Vec<Digest>,
     size: SceneSize,
     capabilities: Option<Capabilities>,
     name: String,
@@ -88,11 +86,12 @@ pub struct DisplaySession {
 }
 
 impl DisplaySession {
-    /// A connection on which `Hello` is being sent, to work on the scene with this digest.
-    pub fn new(digest: Digest, size: SceneSize) -> Self {
+    /// A connection on which `Hello` is being sent, to work on a scene of this size.
+    pub fn new(size: SceneSize) -> Self {
         Self {
             phase: Phase::Greeting,
-            digest,
+            digest: None,
+            holds: Vec::new(),
             size,
             capabilities: None,
             name: String::new(),
@@ -133,6 +132,13 @@ impl DisplaySession {
         } else {
             0
         }
+    }
+
+    /// Notes a `SceneBegin` that is about to be sent, after [`DisplayEvent::Welcome`]. True if the server holds the
+    /// scene, so that no chunk is to follow.
+    pub fn announce(&mut self, digest: Digest) -> bool {
+        self.digest = Some(digest);
+        self.holds.contains(&digest)
     }
 
     /// Notes requests that are about to be sent; no more than [`Self::free_credits`], and each id new.
@@ -192,9 +198,8 @@ impl DisplaySession {
             self.phase = Phase::Scene;
             self.name.clone_from(name);
             self.capabilities = Some(capabilities.clone());
-            return Ok(DisplayEvent::Welcome {
-                holds: holds.contains(&self.digest),
-            });
+            self.holds.clone_from(holds);
+            return Ok(DisplayEvent::Welcome);
         }
         if self.phase == Phase::Greeting {
             return Err(out_of_order("the first message is not Welcome"));
@@ -202,7 +207,7 @@ impl DisplaySession {
         match message {
             ToDisplay::SceneReady { digest } => {
                 self.expect(Phase::Scene, "SceneReady")?;
-                if *digest != self.digest {
+                if Some(*digest) != self.digest {
                     return Err(value("SceneReady names another scene"));
                 }
                 self.phase = Phase::Ready;

@@ -66,7 +66,7 @@ fn hit_on_light(id: u64) -> Sample {
 fn ready() -> (DisplaySession, ServerSession) {
     let scene = scene();
     let encoded = EncodedScene::new(&scene).unwrap();
-    let mut display = DisplaySession::new(encoded.digest(), SceneSize::from(&scene));
+    let mut display = DisplaySession::new(SceneSize::from(&scene));
     let mut server = ServerSession::new(capabilities(), vec![], 1000);
     assert!(matches!(
         server.receive(hello("t", 1)).unwrap(),
@@ -79,10 +79,8 @@ fn ready() -> (DisplaySession, ServerSession) {
         capabilities: capabilities(),
         holds: vec![],
     };
-    assert_eq!(
-        display.receive(&welcome).unwrap(),
-        DisplayEvent::Welcome { holds: false }
-    );
+    assert_eq!(display.receive(&welcome).unwrap(), DisplayEvent::Welcome);
+    assert!(!display.announce(encoded.digest()));
     assert_eq!(display.free_credits(), 0);
     assert!(matches!(
         server.receive(encoded.begin()).unwrap(),
@@ -318,13 +316,10 @@ fn messages_have_their_place() {
         code(fresh.receive(ToServer::Ping { token: 1 })),
         FaultCode::OutOfOrder
     );
-    let mut fresh = DisplaySession::new(
-        [0; 32],
-        SceneSize {
-            lights: 0,
-            objects: 0,
-        },
-    );
+    let mut fresh = DisplaySession::new(SceneSize {
+        lights: 0,
+        objects: 0,
+    });
     assert_eq!(
         code(fresh.receive(&ToDisplay::Pong { token: 1 })),
         FaultCode::OutOfOrder
