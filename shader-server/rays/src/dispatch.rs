@@ -2,8 +2,11 @@
 //!
 //! The two give the same bits: neither reorders nor fuses floating-point operations.
 
+#[cfg(target_arch = "x86_64")]
+use crate::kernel::Avx2;
 use crate::{
     Ray,
+    kernel::Plain,
     traverse::{Query, Stack, run},
     world::World,
 };
@@ -20,7 +23,7 @@ impl Level {
     /// The best that this machine has.
     pub(crate) fn detect() -> Self {
         #[cfg(target_arch = "x86_64")]
-        if std::arch::is_x86_feature_detected!("avx2") {
+        if Avx2::detect().is_some() {
             return Self::Avx2;
         }
         Self::Plain
@@ -31,7 +34,7 @@ impl Level {
 #[inline]
 pub(crate) fn query<Q: Query>(world: &World, ray: &Ray, t_max: f32, stack: &mut Stack, q: &mut Q) {
     match world.level {
-        Level::Plain => run(world, ray, t_max, stack, q),
+        Level::Plain => run::<Plain, _>(world, ray, t_max, stack, q),
         #[cfg(target_arch = "x86_64")]
         #[expect(
             unsafe_code,
@@ -44,5 +47,5 @@ pub(crate) fn query<Q: Query>(world: &World, ray: &Ray, t_max: f32, stack: &mut 
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 fn run_avx2<Q: Query>(world: &World, ray: &Ray, t_max: f32, stack: &mut Stack, q: &mut Q) {
-    run(world, ray, t_max, stack, q);
+    run::<Avx2, _>(world, ray, t_max, stack, q);
 }

@@ -1,10 +1,12 @@
 //! One traversal for both levels and both kinds of query.
 
+use std::marker::PhantomData;
+
 use crate::{
     Hit, Occluder, Ray,
-    kernel::{slabs, triangles},
+    kernel::Kernel,
     mesh::TriangleMesh,
-    node::{Link, LocalRay, Tree},
+    node::{Link, LocalRay, Tree, WIDTH},
     triangle::{Block, BlockHits},
     world::World,
 };
@@ -30,13 +32,20 @@ pub(crate) trait Query {
     /// Whether nearer nodes are worth visiting first.
     const ORDERED: bool;
 
-    /// Takes the hits of one block, shortening `t_max` if only nearer ones matter; returns whether the query is answered.
-    fn take(&mut self, instance: u32, block: &Block, hits: &BlockHits, t_max: &mut f32) -> bool;
+    /// Takes the hits of one block, in `lanes`, shortening `t_max` if only nearer ones matter; returns whether the query is answered.
+    fn take(
+        &mut self,
+        instance: u32,
+        block: &Block,
+        lanes: u32,
+        hits: &BlockHits,
+        t_max: &mut f32,
+    ) -> bool;
 }
 
 /// Visits the leaves of `tree` that the ray meets no later than `t_max`, which visits may shorten.
 #[inline(always)]
-fn walk<const ORDERED: bool>(
+fn walk<K: Kernel, const ORDERED: bool>(
     tree: &Tree,
     ray: &LocalRay,
     t_max: &mut f32,
@@ -47,10 +56,11 @@ fn walk<const ORDERED: bool>(
         return false;
     }
     let base = stack.len();
+    let mut near = [0.; WIDTH];
     let mut current = 0;
     loop {
         let node = &tree.nodes[current];
-        let (mut lanes, near) = slabs(node, ray, *t_max);
+        let mut lanes = K::slabs(node, ray, *t_max, &mut near);
         let first = stack.len();
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize;
@@ -97,29 +107,35 @@ fn sort_nearest_last(entries: &mut [Entry]) {
     }
 }
 
-struct MeshLeaves<'a, Q> {
+struct MeshLeaves<'a, K, Q> {
+    kernel: PhantomData<K>,
+    hits: BlockHits,
     blocks: &'a [Block],
     ray: &'a LocalRay,
     instance: u32,
     query: &'a mut Q,
 }
 
-impl<Q: Query> Leaves for MeshLeaves<'_, Q> {
+impl<K: Kernel, Q: Query> Leaves for MeshLeaves<'_, K, Q> {
     #[inline(always)]
     fn visit(&mut self, leaf: usize, t_max: &mut f32, _: &mut Stack) -> bool {
         let block = &self.blocks[leaf];
-        let hits = triangles(block, self.ray, *t_max);
-        hits.lanes != 0 && self.query.take(self.instance, block, &hits, t_max)
+        let lanes = K::triangles(block, self.ray, *t_max, &mut self.hits);
+        lanes != 0
+            && self
+                .query
+                .take(self.instance, block, lanes, &self.hits, t_max)
     }
 }
 
-struct WorldLeaves<'a, Q> {
+struct WorldLeaves<'a, K, Q> {
+    kernel: PhantomData<K>,
     world: &'a World,
     ray: &'a Ray,
     query: &'a mut Q,
 }
 
-impl<Q: Query> Leaves for WorldLeaves<'_, Q> {
+impl<K: Kernel, Q: Query> Leaves for WorldLeaves<'_, K, Q> {
     #[inline(always)]
     fn visit(&mut self, leaf: usize, t_max: &mut f32, stack: &mut Stack) -> bool {
         let instance = &self.world.instances[leaf];
@@ -127,12 +143,12 @@ impl<Q: Query> Leaves for WorldLeaves<'_, Q> {
             return false;
         }
         let ray = instance.to_object(self.ray);
-        walk_mesh(&instance.mesh, &ray, leaf as u32, t_max, stack, self.query)
+        walk_mesh::<K, Q>(&instance.mesh, &ray, leaf as u32, t_max, stack, self.query)
     }
 }
 
 #[inline(always)]
-fn walk_mesh<Q: Query>(
+fn walk_mesh<K: Kernel, Q: Query>(
     mesh: &TriangleMesh,
     ray: &Ray,
     instance: u32,
@@ -142,37 +158,44 @@ fn walk_mesh<Q: Query>(
 ) -> bool {
     let local = LocalRay::new(ray, mesh.extent);
     let mut leaves = MeshLeaves {
+        kernel: PhantomData::<K>,
+        hits: BlockHits::default(),
         blocks: &mesh.blocks,
         ray: &local,
         instance,
         query,
     };
     if Q::ORDERED {
-        walk::<true>(&mesh.tree, &local, t_max, stack, &mut leaves)
+        walk::<K, true>(&mesh.tree, &local, t_max, stack, &mut leaves)
     } else {
-        walk::<false>(&mesh.tree, &local, t_max, stack, &mut leaves)
+        walk::<K, false>(&mesh.tree, &local, t_max, stack, &mut leaves)
     }
 }
 
 /// Runs a query; the ray must be valid.
 #[inline(always)]
-pub(crate) fn run<Q: Query>(
+pub(crate) fn run<K: Kernel, Q: Query>(
     world: &World,
     ray: &Ray,
     mut t_max: f32,
     stack: &mut Stack,
     query: &mut Q,
 ) {
-    let mut leaves = WorldLeaves { world, ray, query };
+    let mut leaves = WorldLeaves {
+        kernel: PhantomData::<K>,
+        world,
+        ray,
+        query,
+    };
     if world.instances.len() == 1 {
         leaves.visit(0, &mut t_max, stack);
         return;
     }
     let local = LocalRay::with_slack(ray, world.extent, world.slack);
     if Q::ORDERED {
-        walk::<true>(&world.tree, &local, &mut t_max, stack, &mut leaves);
+        walk::<K, true>(&world.tree, &local, &mut t_max, stack, &mut leaves);
     } else {
-        walk::<false>(&world.tree, &local, &mut t_max, stack, &mut leaves);
+        walk::<K, false>(&world.tree, &local, &mut t_max, stack, &mut leaves);
     }
 }
 
@@ -201,8 +224,14 @@ impl Query for Closest {
     const ORDERED: bool = true;
 
     #[inline(always)]
-    fn take(&mut self, instance: u32, block: &Block, hits: &BlockHits, t_max: &mut f32) -> bool {
-        let mut lanes = hits.lanes;
+    fn take(
+        &mut self,
+        instance: u32,
+        block: &Block,
+        mut lanes: u32,
+        hits: &BlockHits,
+        t_max: &mut f32,
+    ) -> bool {
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize;
             lanes &= lanes - 1;
@@ -234,8 +263,14 @@ impl<F: FnMut(u32, u32) -> bool> Query for Any<F> {
     const ORDERED: bool = false;
 
     #[inline(always)]
-    fn take(&mut self, instance: u32, block: &Block, hits: &BlockHits, _: &mut f32) -> bool {
-        let mut lanes = hits.lanes;
+    fn take(
+        &mut self,
+        instance: u32,
+        block: &Block,
+        mut lanes: u32,
+        _: &BlockHits,
+        _: &mut f32,
+    ) -> bool {
         while lanes != 0 {
             let face = block.faces[lanes.trailing_zeros() as usize];
             lanes &= lanes - 1;

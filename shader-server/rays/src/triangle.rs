@@ -31,11 +31,10 @@ impl Block {
     }
 }
 
-/// What a ray meets in a block: lanes with a hit, and for each lane the distance and the scaled weights of the second and
-/// third corner with their divisor.
-#[derive(Clone, Copy, Debug)]
+/// What a ray meets in a block: for each lane with a hit the distance, and the scaled weights of the second and third corner
+/// with their divisor.
+#[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct BlockHits {
-    pub(crate) lanes: u32,
     pub(crate) t: [f32; WIDTH],
     pub(crate) v: [f32; WIDTH],
     pub(crate) w: [f32; WIDTH],
