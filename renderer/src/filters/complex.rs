@@ -13,8 +13,9 @@ mod tables;
 
 use crate::edges::crossings::Crossings;
 use crate::epi::Epi;
+use crate::epi::grid::Grid;
 use crate::points::PixelSamples;
-use subpixels::{Subpixels, WINDOWS, bits, sub_bit};
+use subpixels::{Subpixels, WINDOWS, at_corner, bits};
 use tables::SubTables;
 
 /// Where the colours of sub-pixels come from.
@@ -112,6 +113,10 @@ impl ComplexFilter {
         let estimate = colours.each_ref().map(|plane| plane[at]);
         let sub = Subpixels::load(inputs.crossings, place);
         let seeds = self.seeds(inputs, &sub, place);
+        if seeds.sampled == [0; 2] && seeds.lent == [0; 2] {
+            outcome.kept += 4;
+            return estimate;
+        }
         let mut sum = [0.0f32; 3];
         for window in &WINDOWS {
             let inner_area = self.tables.inner_area(&sub, window.centre);
@@ -134,39 +139,31 @@ impl ComplexFilter {
         sum.map(|c| c * 0.25)
     }
 
-    fn seeds(&self, inputs: &Inputs, sub: &Subpixels, (x, y): (usize, usize)) -> Seeds {
+    fn seeds(&self, inputs: &Inputs, sub: &Subpixels, place: (usize, usize)) -> Seeds {
         let (epi, grid) = (inputs.epi, inputs.epi.grid);
+        let around = |plane: &[u64]| neighbourhood(grid, plane, place);
+        // Where the image ends this is an element of the margin, which is not read.
+        let first = grid.at(place.0, place.1) - grid.stride - 1;
         let mut seeds = Seeds {
             sampled: [0; 2],
             lent: [0; 2],
-            at: [0; 9],
+            at: std::array::from_fn(|pixel| first + pixel / 3 * grid.stride + pixel % 3),
         };
-        for pixel in 0..9 {
-            let (column, row) = (pixel % 3, pixel / 3);
-            let (px, py) = ((x + column).wrapping_sub(1), (y + row).wrapping_sub(1));
-            if px >= grid.width || py >= grid.height {
-                continue;
+        for pixel in bits(u64::from(around(&inputs.samples.has))) {
+            let at = seeds.at[pixel];
+            let offset = [inputs.samples.x[at], inputs.samples.y[at]];
+            if let Some((bit, region)) = self.tables.locate(sub, (pixel % 3, pixel / 3), offset) {
+                seeds.sampled[region] |= bit;
             }
-            let ((word, bit), at) = (grid.bit(px, py), grid.at(px, py));
-            let has = |plane: &[u64]| plane[word] >> bit & 1 != 0;
-            seeds.at[pixel] = at;
-            if has(&inputs.samples.has) {
-                let place = [inputs.samples.x[at], inputs.samples.y[at]];
-                if let Some((bit, region)) = self.tables.locate(sub, (column, row), place) {
-                    seeds.sampled[region] |= bit;
-                }
-            }
-            let lends = inputs.sources == Sources::SamplesAndNeighbours;
-            if lends && !has(&epi.complex) && !has(inputs.bare) {
-                for (corner, secondary) in epi.corner.iter().enumerate() {
-                    if !has(secondary) {
-                        // The sub-pixel at a corner of the pixel has that corner at the same place.
-                        let (right, low) = (corner == 1 || corner == 2, corner >= 2);
-                        let bit =
-                            sub_bit(2 * column + usize::from(right), 2 * row + usize::from(low));
-                        seeds.lent[sub.corner_region(bit, corner)] |= bit & sub.open;
-                    }
-                }
+        }
+        if inputs.sources == Sources::SamplesAndNeighbours {
+            let lends = !(around(&epi.complex) | around(inputs.bare));
+            for (corner, secondary) in epi.corner.iter().enumerate() {
+                // The sub-pixel at a corner of the pixel has that corner at the same place.
+                let subpixels = at_corner(lends & !around(secondary), corner);
+                let [outer, inner] = sub.corner_regions(subpixels, corner);
+                seeds.lent[0] |= outer;
+                seeds.lent[1] |= inner;
             }
         }
         seeds
@@ -197,6 +194,36 @@ impl ComplexFilter {
         both(seeds.lent).for_each(|bit| add(bit, self.lent_weight, colours));
         (total > 0.0).then(|| sum.map(|c| c / total))
     }
+}
+
+/// Bits of the 3x3 pixels around one, row by row; 0 outside the image.
+#[inline]
+fn neighbourhood(grid: Grid, plane: &[u64], (x, y): (usize, usize)) -> u32 {
+    let (word, bit) = (x / 64, x % 64);
+    let mut around = 0;
+    for row in 0..3 {
+        let Some(y) = (y + row).checked_sub(1).filter(|&y| y < grid.height) else {
+            continue;
+        };
+        let words = &plane[y * grid.words..][..grid.words];
+        let before = if bit == 0 && word > 0 {
+            words[word - 1] >> 63
+        } else {
+            0
+        };
+        let after = if bit == 63 && word + 1 < grid.words {
+            words[word + 1] << 2
+        } else {
+            0
+        };
+        let here = if bit == 0 {
+            words[word] << 1
+        } else {
+            words[word] >> (bit - 1)
+        };
+        around |= ((here | before | after) as u32 & 7) << (3 * row);
+    }
+    around
 }
 
 #[cfg(test)]

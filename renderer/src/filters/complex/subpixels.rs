@@ -12,6 +12,16 @@ pub(super) const fn sub_bit(column: usize, row: usize) -> u64 {
     1 << (8 * row + column)
 }
 
+/// The sub-pixels at one corner (clockwise from the top left) of pixels, of which `pixels` has bit `3 · row + column`.
+pub(super) fn at_corner(pixels: u32, corner: usize) -> u64 {
+    let row = |row: u32| {
+        let bits = u64::from(pixels >> (3 * row) & 7);
+        (bits & 1 | (bits & 2) << 1 | (bits & 4) << 2) << (16 * row)
+    };
+    // To the sub-pixel at the right or below, if the corner lies there.
+    (row(0) | row(1) | row(2)) << [0, 1, 9, 8][corner]
+}
+
 /// Positions of the bits that are set.
 pub(super) fn bits(mut mask: u64) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
@@ -82,8 +92,7 @@ pub(super) struct Subpixels {
 impl Subpixels {
     /// Reconstructs the edges of the sub-pixels around a pixel.
     pub(super) fn load(crossings: &Crossings, (x, y): (usize, usize)) -> Self {
-        let horizontal = lines(|line, along| horizontal_mask(crossings, (x + along, y), line));
-        let vertical = lines(|line, along| vertical_mask(crossings, (x, y + along), line));
+        let (horizontal, vertical) = lines(crossings, (x, y));
         let (top, many_top) = occupied_rows(&horizontal);
         let (left, many_left) = occupied_columns(&vertical);
         let (bottom, right) = (top >> 8, left >> 1);
@@ -118,9 +127,12 @@ impl Subpixels {
         self.open & sub_bit(column, row) != 0
     }
 
-    /// Region of a sub-pixel in which one of its corners lies.
-    pub(super) fn corner_region(&self, bit: u64, corner: usize) -> usize {
-        usize::from(corner > 0 && self.corner[corner - 1] & bit != 0)
+    /// Of open sub-pixels, the outer and the inner regions that hold this corner.
+    pub(super) fn corner_regions(&self, subpixels: u64, corner: usize) -> [u64; 2] {
+        let inner = corner
+            .checked_sub(1)
+            .map_or(0, |corner| self.corner[corner]);
+        [!inner, inner].map(|region| region & subpixels & self.open)
     }
 
     /// Code `16 a + b` of a simple sub-pixel's edge, its segments numbered clockwise from the top-left corner, four a side.
@@ -151,8 +163,12 @@ impl Subpixels {
         let [right, left, down, up] = window.from;
         // The longest way has four steps; a round takes one along each axis.
         for _ in 0..4 {
+            let before = front;
             step(&mut front, &self.right, right, left, 1);
             step(&mut front, &self.down, down, up, 8);
+            if front == before {
+                break;
+            }
         }
         front
     }
@@ -170,43 +186,41 @@ fn step(front: &mut [u64; 2], joined: &[[u64; 2]; 2], ahead: u64, back: u64, by:
     }
 }
 
-/// Seven lines of three 8-bit masks each.
-fn lines(mask: impl Fn(usize, usize) -> u8) -> [u32; SIDE + 1] {
-    std::array::from_fn(|line| {
-        (0..3).fold(0, |all, along| {
-            all | u32::from(mask(line, along)) << (8 * along)
-        })
-    })
+/// Three or four neighbouring masks of a row from column `x - 1` on; 0 outside the image.
+#[inline]
+fn masks<const N: usize>(plane: &[u8], columns: usize, row: usize, x: usize) -> [u8; N] {
+    let first = row.wrapping_mul(columns).wrapping_add(x).wrapping_sub(1);
+    let inside = x >= 1 && x - 1 + N <= columns;
+    if let (true, Some(masks)) = (inside, plane.get(first..first.wrapping_add(N))) {
+        return std::array::from_fn(|k| masks[k]);
+    }
+    let column = |k: usize| (x + k).checked_sub(1).filter(|&column| column < columns);
+    let at = |k: usize| plane.get(row.checked_mul(columns)? + column(k)?);
+    std::array::from_fn(|k| at(k).copied().unwrap_or(0))
 }
 
-/// Mask on line 0..7 (half pixels down from the pixel above) of column `x - 1`; 0 outside the image.
-fn horizontal_mask(crossings: &Crossings, (x, y): (usize, usize), line: usize) -> u8 {
-    let (column, row) = (x.wrapping_sub(1), (y + line / 2).wrapping_sub(1));
-    let (plane, rows) = if line % 2 == 0 {
-        (&crossings.horizontal, crossings.height + 1)
-    } else {
-        (&crossings.half_horizontal, crossings.height)
-    };
-    if column < crossings.width && row < rows {
-        plane[row * crossings.width + column]
-    } else {
-        0
+/// Seven horizontal and seven vertical lines of three 8-bit masks each.
+fn lines(crossings: &Crossings, (x, y): (usize, usize)) -> ([u32; SIDE + 1], [u32; SIDE + 1]) {
+    let width = crossings.width;
+    let joined = |[a, b, c]: [u8; 3]| u32::from_le_bytes([a, b, c, 0]);
+    let mut lines = ([0; SIDE + 1], [0; SIDE + 1]);
+    for along in 0..4 {
+        let row = (y + along).wrapping_sub(1);
+        lines.0[2 * along] = joined(masks(&crossings.horizontal, width, row, x));
+        if along == 3 {
+            break;
+        }
+        lines.0[2 * along + 1] = joined(masks(&crossings.half_horizontal, width, row, x));
+        let full: [u8; 4] = masks(&crossings.vertical, width + 1, row, x);
+        let half: [u8; 3] = masks(&crossings.half_vertical, width, row, x);
+        for (line, mask) in full.into_iter().enumerate() {
+            lines.1[2 * line] |= u32::from(mask) << (8 * along);
+        }
+        for (line, mask) in half.into_iter().enumerate() {
+            lines.1[2 * line + 1] |= u32::from(mask) << (8 * along);
+        }
     }
-}
-
-/// Mask on line 0..7 (half pixels right from the pixel at the left) of row `y - 1`; 0 outside the image.
-fn vertical_mask(crossings: &Crossings, (x, y): (usize, usize), line: usize) -> u8 {
-    let (column, row) = ((x + line / 2).wrapping_sub(1), y.wrapping_sub(1));
-    let (plane, columns) = if line % 2 == 0 {
-        (&crossings.vertical, crossings.width + 1)
-    } else {
-        (&crossings.half_vertical, crossings.width)
-    };
-    if column < columns && row < crossings.height {
-        plane[row * columns + column]
-    } else {
-        0
-    }
+    lines
 }
 
 /// Sub-pixels of the 6x6 whose pixels lie inside the image.
@@ -254,10 +268,14 @@ fn occupied_rows(lines: &[u32; SIDE + 1]) -> (u64, u64) {
         })
 }
 
+/// Bits 0, 4, 8, ... 20 moved apart to bits 0, 8, 16, ... 40.
+fn spread(bits: u32) -> u64 {
+    let halves = u64::from(bits & 0x111) | u64::from(bits & 0x11_1000) << 12;
+    halves & 0x0100_0001 | (halves & 0x1000_0010) << 4 | (halves & 0x1_0000_0100) << 8
+}
+
 /// Planes of vertical lines: line l, sub-pixel j at bit `8 j + l`.
 fn occupied_columns(lines: &[u32; SIDE + 1]) -> (u64, u64) {
-    let spread =
-        |bits: u32| (0..6).fold(0, |all, j| all | u64::from(bits >> (4 * j) & 1) << (8 * j));
     lines
         .iter()
         .enumerate()

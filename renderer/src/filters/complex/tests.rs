@@ -1,6 +1,7 @@
 use fearless_simd::Level;
 use proptest::prelude::*;
 
+use super::subpixels::sub_bit;
 use super::*;
 use crate::epi::code::Places;
 use crate::epi::grid::Grid;
