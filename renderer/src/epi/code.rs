@@ -17,7 +17,7 @@ use super::geometry::Boundary;
 /// Number of 10-bit codes.
 pub const CODES: usize = 1024;
 
-/// Segments of the full pixel; units of 1/32 of a pixel make the centres of the smallest cells integer.
+/// Segments of a pixel's boundary; units of 1/32 of a pixel make the centres of the smallest cells integer.
 const PIXEL: Boundary = Boundary::new(8, 2);
 
 /// Steps to the eight neighbours, in the order that the tables number them: sides clockwise from the right, then corners.
@@ -116,15 +116,16 @@ impl Class {
     }
 }
 
-/// How finely a sample's place in its pixel is known (paper section 4.3 has 4 bits).
+/// How finely a sample's place in its pixel is known (paper section 4.3 has 4 bits). Finer cells leave fewer samples
+/// ambiguous: of all cells of all simple codes 31, 19 and 14 %.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub enum Places {
     /// 4x4 cells.
-    #[default]
     Bits4,
     /// 8x8 cells.
     Bits6,
     /// 16x16 cells.
+    #[default]
     Bits8,
 }
 
@@ -165,7 +166,7 @@ struct Cells {
     ambiguous: [u64; 4],
 }
 
-/// Up to eight neighbours, best first.
+/// Ends a list of neighbours.
 pub const NO_NEIGHBOUR: u8 = 8;
 
 /// Everything that is looked up by a simple edge code.
@@ -296,3 +297,6 @@ fn donors(a: i32, b: i32, inner: bool, centroid_px: [f64; 2]) -> [u8; 8] {
     }
     list
 }
+
+#[cfg(test)]
+mod tests;

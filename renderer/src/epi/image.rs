@@ -175,3 +175,6 @@ impl Epi {
         self.has_sample[i] = present & !ambiguous;
     }
 }
+
+#[cfg(test)]
+mod tests;
