@@ -57,9 +57,14 @@ impl Projector {
             }
         };
         let p = along.map(at);
+        let inverse_depth = p.map(|p| 1.0 / p[2].max(NEAR));
+        let ends = [
+            self.snap(p[0], inverse_depth[0]),
+            self.snap(p[1], inverse_depth[1]),
+        ];
         Some(ImageSegment {
-            ends: p.map(|p| self.snap(p)),
-            inverse_depth: p.map(|p| 1.0 / p[2]),
+            ends,
+            inverse_depth,
             along,
         })
     }
@@ -92,12 +97,18 @@ impl Projector {
         (t0 < t1).then_some([t0, t1])
     }
 
-    fn snap(&self, p: [f64; 3]) -> [i64; 2] {
-        let s = self.focal / p[2];
-        let unit = SUBPIXELS as f64;
-        [
-            ((self.half[0] + p[0] * s) * unit).round() as i64,
-            ((self.half[1] - p[1] * s) * unit).round() as i64,
-        ]
+    fn snap(&self, p: [f64; 3], inverse_depth: f64) -> [i64; 2] {
+        let s = self.focal * inverse_depth;
+        let x = self.half[0] + p[0] * s;
+        let y = self.half[1] - p[1] * s;
+        [fixed(x, self.guard[0]), fixed(y, self.guard[1])]
     }
+}
+
+/// Rounds pixels to the grid. What rounding errors left outside of the guard band goes to its rim.
+fn fixed(px: f64, guard: f64) -> i64 {
+    // Moved to where truncation rounds down: `f64::round` is a call on plain x86-64.
+    const SHIFT: i64 = 1 << 40;
+    let px = px.clamp(-2.0 * guard, 2.0 * guard);
+    (px * SUBPIXELS as f64 + (SHIFT as f64 + 0.5)) as i64 - SHIFT
 }

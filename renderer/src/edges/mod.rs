@@ -15,6 +15,10 @@ mod tree_build;
 pub mod weld;
 
 #[cfg(test)]
+mod measure;
+#[cfg(test)]
+mod raster_tests;
+#[cfg(test)]
 mod test_meshes;
 #[cfg(test)]
 mod tests;

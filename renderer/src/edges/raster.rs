@@ -72,8 +72,9 @@ fn cross_lines(
     // Lines are numbered by twice their coordinate. Those in (from, to] are crossed: an end on a line lies beyond it.
     let unit = SUBPIXELS / 2;
     let step = if half { 1 } else { 2 };
-    let mut first = (from[0].div_euclid(unit) + 1).max(0);
-    let last = to[0].div_euclid(unit).min(2 * size);
+    let shift = unit.trailing_zeros();
+    let mut first = ((from[0] >> shift) + 1).max(0);
+    let last = (to[0] >> shift).min(2 * size);
     if !half {
         first += first & 1;
     }
