@@ -165,6 +165,7 @@ impl<'a> Lab<'a> {
             size_px,
             frames,
             path: None,
+            fps: 30,
             samples_per_frame: budget(size_px, 200),
             write: Write::All,
             threads: None,

@@ -68,11 +68,13 @@ pub struct Job {
     pub frames: u32,
     /// A path of the scene; a still camera without.
     pub path: Option<String>,
+    /// Frames a second of the path's time.
+    pub fps: u32,
     /// Sample budget a frame, for the methods that have one.
     pub samples_per_frame: u32,
     /// Which frames are written, as PNG and EXR.
     pub write: Write,
-    /// The display's own threads; its default without.
+    /// The display's own threads; its default (one) without.
     pub threads: Option<u32>,
     /// Seed of all random choices.
     pub seed: u32,
@@ -99,6 +101,7 @@ impl Job {
         }
         if let Some(path) = &self.path {
             option("--path", path.into());
+            option("--fps", self.fps.to_string().into());
         }
         if let Some(threads) = self.threads {
             option("--threads", threads.to_string().into());
@@ -296,6 +299,7 @@ mod tests {
             size_px: [320, 200],
             frames: 3,
             path: Some("orbit".to_owned()),
+            fps: 30,
             samples_per_frame: 1280,
             write: Write::Every(2),
             threads: Some(1),
@@ -314,7 +318,7 @@ mod tests {
         assert_eq!(
             text,
             "render scenes/chains.toml --out o --frames 3 --size 320x200 --samples-per-frame 1280 --stats s --seed 7 \
-             --method reference --spp 16 --path orbit --threads 1 --write every:2 --lockstep --exr"
+             --method reference --spp 16 --path orbit --fps 30 --threads 1 --write every:2 --lockstep --exr"
         );
     }
 

@@ -1,8 +1,11 @@
 //! Error along a camera path against the share of pixels sampled a frame: the axis of the 2003 paper.
 
+use std::rc::Rc;
+
 use super::still::SPARSE;
 use super::{Lab, Section, cell};
 use crate::metrics::{self, Scores};
+use crate::picture::Picture;
 use crate::report::cases::Case;
 use crate::report::chart::{Chart, Series};
 use crate::report::lab::{MeasureError, budget, or_missing};
@@ -18,10 +21,12 @@ pub(super) const SECTION: Section = Section {
     measure,
 };
 
-/// Frames of the path.
+/// Frames of the path at 30 a second.
 const FRAMES: u32 = 60;
-/// Judged frames: every tenth of the second half, when the cache has filled.
-const JUDGED: [u32; 3] = [30, 40, 50];
+/// One frame in so many is judged; methods that keep nothing from frame to frame render no others.
+const STEP: u32 = 10;
+/// Judged frames divided by [`STEP`]: the second half, when the cache has filled.
+const JUDGED: [u32; 3] = [3, 4, 5];
 
 struct Point {
     method: Method,
@@ -59,32 +64,50 @@ fn measure(lab: &mut Lab) -> Vec<Block> {
 
 fn job(lab: &Lab, case: &Case, method: Method, share: u32) -> Job {
     let size_px = lab.settings.path_size_px;
+    let remembers = SPARSE.contains(&method);
     Job {
         scene: case.scene.clone(),
         method,
         size_px,
-        frames: FRAMES,
+        frames: if remembers { FRAMES } else { FRAMES / STEP },
         path: case.path.clone(),
+        fps: if remembers { 30 } else { 30 / STEP },
         samples_per_frame: budget(size_px, share),
-        write: Write::Every(10),
+        write: if remembers {
+            Write::Every(STEP)
+        } else {
+            Write::All
+        },
         threads: None,
         seed: 0,
     }
 }
 
-fn points(lab: &mut Lab, case: &Case, blocks: &mut Vec<Block>) -> Vec<Point> {
-    let reference_job = Job {
-        seed: 1,
-        ..job(
-            lab,
-            case,
-            Method::Reference(lab.settings.path_reference_spp),
-            10_000,
-        )
+/// The run and the pictures of its judged frames.
+fn judged_pictures(lab: &mut Lab, job: &Job) -> Result<(Rc<Run>, Vec<Picture>), MeasureError> {
+    let step = if SPARSE.contains(&job.method) {
+        STEP
+    } else {
+        1
     };
-    let reference = lab.run(&reference_job, &JUDGED);
-    let Some(reference) = or_missing(blocks, &format!("{} along its path", case.name), reference)
-    else {
+    let frames = JUDGED.map(|frame| frame * step);
+    let run = lab.run(job, &frames)?;
+    let pictures = frames
+        .iter()
+        .map(|frame| run.picture(*frame))
+        .collect::<Result<_, _>>()?;
+    Ok((run, pictures))
+}
+
+fn points(lab: &mut Lab, case: &Case, blocks: &mut Vec<Block>) -> Vec<Point> {
+    let what = format!("{} along its path", case.name);
+    let method = Method::Reference(lab.settings.path_reference_spp);
+    let reference = Job {
+        seed: 1,
+        ..job(lab, case, method, 10_000)
+    };
+    let reference = judged_pictures(lab, &reference);
+    let Some((_, reference)) = or_missing(blocks, &what, reference) else {
         return Vec::new();
     };
     let shares = lab.settings.path_shares;
@@ -94,21 +117,24 @@ fn points(lab: &mut Lab, case: &Case, blocks: &mut Vec<Block>) -> Vec<Point> {
     let mut points = Vec::new();
     for (method, share) in sparse.chain([(Method::Full, 10_000)]) {
         let point = point(lab, &job(lab, case, method, share), share, &reference);
-        points.extend(or_missing(
-            blocks,
-            &format!("{} along its path", case.name),
-            point,
-        ));
+        points.extend(or_missing(blocks, &what, point));
     }
     points
 }
 
-fn point(lab: &mut Lab, job: &Job, share: u32, reference: &Run) -> Result<Point, MeasureError> {
-    let run = lab.run(job, &JUDGED)?;
-    let mut scores: Vec<Scores> = Vec::new();
-    for frame in JUDGED {
-        scores.push(metrics::score(&run.picture(frame)?, &reference.picture(frame)?)?.0);
-    }
+fn point(
+    lab: &mut Lab,
+    job: &Job,
+    share: u32,
+    reference: &[Picture],
+) -> Result<Point, MeasureError> {
+    let (run, pictures) = judged_pictures(lab, job)?;
+    let score = |(test, reference)| metrics::score(test, reference).map(|(scores, _)| scores);
+    let scores = pictures
+        .iter()
+        .zip(reference)
+        .map(score)
+        .collect::<Result<Vec<Scores>, _>>()?;
     let mean = |get: fn(&Scores) -> Option<f64>| {
         let values: Vec<f64> = scores.iter().filter_map(get).collect();
         (!values.is_empty()).then(|| metrics::linear::mean(&values))

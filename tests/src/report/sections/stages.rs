@@ -30,6 +30,7 @@ pub(super) fn timed_runs(lab: &mut Lab, case: &Case, threads: Option<u32>) -> Ti
             size_px: *size_px,
             frames: *frames,
             path: case.path.clone(),
+            fps: 30,
             samples_per_frame: budget(*size_px, 200),
             write: Write::None,
             threads,
@@ -53,15 +54,18 @@ fn measure(lab: &mut Lab) -> Vec<Block> {
          samples is no stage and not in the total.{clock}"
     ))];
     for case in lab.cases.clone() {
-        for (threads, name) in [(Some(1), "one core"), (None, "all cores")] {
-            let runs = timed_runs(lab, &case, threads);
+        for (threads, name) in [(1, "one core"), (lab.machine.cores as u32, "all cores")] {
+            if threads == 1 && name == "all cores" {
+                continue;
+            }
+            let runs = timed_runs(lab, &case, Some(threads));
             let mut measured = Vec::new();
             for (size, run) in runs {
                 let what = format!("{}, {name}, {}x{}", case.name, size[0], size[1]);
                 measured.extend(or_missing(&mut blocks, &what, run).map(|run| (size, run)));
             }
             if !measured.is_empty() {
-                let cycles = ghz.filter(|_| threads == Some(1));
+                let cycles = ghz.filter(|_| threads == 1);
                 blocks.push(Block::Table(table(&case, name, &measured, cycles)));
             }
         }
