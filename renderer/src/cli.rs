@@ -6,6 +6,9 @@ use clap::{Args, Parser, Subcommand};
 
 use crate::config::Choices;
 
+/// Shown where no scene is named.
+pub const DEFAULT_SCENE: &str = "chains";
+
 /// Looks at expensive lighting interactively: sharp pictures from sparse samples and analytic edges.
 #[derive(Debug, Parser)]
 #[command(version, args_conflicts_with_subcommands = true)]
@@ -75,6 +78,33 @@ pub struct WindowArgs {
     /// How pictures are made
     #[command(flatten)]
     pub choices: Choices,
+}
+
+impl WindowArgs {
+    /// What to render where there is no display server: two seconds along the scene's first path, if it has one.
+    pub fn headless(&self, path: Option<String>) -> RenderArgs {
+        RenderArgs {
+            scene: self
+                .scene
+                .clone()
+                .unwrap_or_else(|| DEFAULT_SCENE.to_owned()),
+            out: self.out.clone(),
+            path,
+            fps: 30.0,
+            frames: 60,
+            size: self.size,
+            seed: self.seed,
+            samples_per_frame: self.samples_per_frame,
+            lockstep: true,
+            spp: 64,
+            exr: false,
+            write: Write::Every(10),
+            threads: self.threads,
+            stats: None,
+            servers: self.servers.clone(),
+            choices: self.choices,
+        }
+    }
 }
 
 /// Options of `render`.
@@ -167,7 +197,9 @@ fn parse_write(text: &str) -> Result<Write, String> {
 }
 
 fn parse_size(text: &str) -> Result<(u32, u32), String> {
-    let parts = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    let parts = text
+        .split_once('x')
+        .and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
     match parts {
         Some((w, h)) if (1..=16_384).contains(&w) && (1..=16_384).contains(&h) => Ok((w, h)),
         _ => Err("give WIDTHxHEIGHT, each from 1 to 16384, such as 512x512".into()),

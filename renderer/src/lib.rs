@@ -5,13 +5,16 @@
 //! next. None of these stages knows of sockets: [`link`] does.
 
 pub mod camera;
+pub mod cli;
 pub mod config;
 pub mod edges;
 pub mod epi;
 pub mod filters;
 pub mod frame;
+pub mod headless;
 pub mod link;
 pub mod points;
 pub mod sampling;
+pub mod servers;
 pub mod stats;
 pub mod tone;

@@ -54,7 +54,11 @@ pub(super) fn best_ms(runs: usize, mut run: impl FnMut()) -> f64 {
 #[test]
 #[ignore = "a measurement"]
 fn trees() {
-    for path in ["references/chains/chains.toml", "references/rooms/rooms.toml", "references/dragon/dragon.toml"] {
+    for path in [
+        "references/chains/chains.toml",
+        "references/rooms/rooms.toml",
+        "references/dragon/dragon.toml",
+    ] {
         let Some(loaded) = shared(path) else { continue };
         for object in &loaded.scene.objects {
             let mesh = &loaded.scene.meshes[object.mesh as usize];
@@ -71,7 +75,10 @@ fn trees() {
             let mut scratch = TreeScratch::default();
             let mut eyes = Vec::new();
             let camera = &loaded.camera;
-            let (eye, target) = (Vec3::from(camera.eye).as_dvec3(), Vec3::from(camera.target).as_dvec3());
+            let (eye, target) = (
+                Vec3::from(camera.eye).as_dvec3(),
+                Vec3::from(camera.target).as_dvec3(),
+            );
             for i in 0..9 {
                 let turn = glam::DQuat::from_rotation_y(f64::from(i) * 0.7);
                 eyes.push(EyeBox::point(target + turn * (eye - target)));
@@ -82,7 +89,13 @@ fn trees() {
             let ms = best_ms(45, || {
                 found.clear();
                 let eye = &eyes[i % eyes.len()];
-                cost = tree.find(&adjacency, eye, FindOptions::default(), &mut scratch, &mut found);
+                cost = tree.find(
+                    &adjacency,
+                    eye,
+                    FindOptions::default(),
+                    &mut scratch,
+                    &mut found,
+                );
                 silhouettes = found.len();
                 i += 1;
             });
@@ -91,7 +104,9 @@ fn trees() {
                 found.clear();
                 for edge in 0..adjacency.edges.len() {
                     let faces = adjacency.faces(edge);
-                    if faces.len() == 2 && adjacency.facing(faces[0], eye) != adjacency.facing(faces[1], eye) {
+                    if faces.len() == 2
+                        && adjacency.facing(faces[0], eye) != adjacency.facing(faces[1], eye)
+                    {
                         found.push((edge as u32, EdgeKind::Silhouette));
                     }
                 }
@@ -106,7 +121,7 @@ fn trees() {
                 tree.special.len(),
                 tree.bytes() >> 20,
             );
-                    }
+        }
     }
 }
 
@@ -146,7 +161,12 @@ fn frames() {
 fn short_segments() {
     let mut edges = EdgeList::default();
     let view = view(
-        &CameraSpec { eye: [0.0; 3], target: [0.0, 0.0, -1.0], up: [0.0, 1.0, 0.0], fov_y: 45.0 },
+        &CameraSpec {
+            eye: [0.0; 3],
+            target: [0.0, 0.0, -1.0],
+            up: [0.0, 1.0, 0.0],
+            fov_y: 45.0,
+        },
         512,
     );
     let mut state = 1_u32;
@@ -157,7 +177,9 @@ fn short_segments() {
     for _ in 0..150_000 {
         let p = [next() * 8.0, next() * 8.0, 10.0];
         edges.from.push(p);
-        edges.to.push([p[0] + next() * 0.06, p[1] + next() * 0.06, 10.0]);
+        edges
+            .to
+            .push([p[0] + next() * 0.06, p[1] + next() * 0.06, 10.0]);
     }
     let mut crossings = Crossings::new(512, 512);
     for half in [false, true] {

@@ -10,7 +10,12 @@ use crate::camera::View;
 use protocol::messages::Camera;
 
 fn config(cases: u32) -> ProptestConfig {
-    ProptestConfig { cases, rng_seed: RngSeed::Fixed(11), failure_persistence: None, ..ProptestConfig::default() }
+    ProptestConfig {
+        cases,
+        rng_seed: RngSeed::Fixed(11),
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    }
 }
 
 /// Side of the test pictures, px.
@@ -18,9 +23,7 @@ const SIDE: i64 = 4;
 
 /// Crossings by exact arithmetic on ends that really are moved, by 2⁻³⁰ along x and 2⁻⁵⁰ along y.
 fn exact(ends: [[i64; 2]; 2], half: bool) -> Vec<Crossing> {
-    let moved = ends.map(|[x, y]| {
-        [(i128::from(x) << 50) + (1 << 20), (i128::from(y) << 50) + 1]
-    });
+    let moved = ends.map(|[x, y]| [(i128::from(x) << 50) + (1 << 20), (i128::from(y) << 50) + 1]);
     let mut found = Vec::new();
     for horizontal in [true, false] {
         let axis = usize::from(horizontal);
@@ -33,10 +36,18 @@ fn exact(ends: [[i64; 2]; 2], half: bool) -> Vec<Crossing> {
             let (du, dv) = (q[axis] - p[axis], q[1 - axis] - p[1 - axis]);
             let numerator = p[1 - axis] * du + (at - p[axis]) * dv;
             let denominator = du * (i128::from(SUBPIXELS / 8) << 50);
-            let (n, d) = if denominator < 0 { (-numerator, -denominator) } else { (numerator, denominator) };
+            let (n, d) = if denominator < 0 {
+                (-numerator, -denominator)
+            } else {
+                (numerator, denominator)
+            };
             let eighth = n.div_euclid(d) as i64;
             if (0..SIDE * 8).contains(&eighth) {
-                found.push(Crossing { horizontal, line, eighth });
+                found.push(Crossing {
+                    horizontal,
+                    line,
+                    eighth,
+                });
             }
         }
     }
@@ -61,7 +72,11 @@ fn tally(polygon: &[[i64; 2]]) -> Vec<usize> {
         for c in all([*p, polygon[(i + 1) % polygon.len()]], false) {
             let (line, cell) = (c.line / 2, c.eighth / 8);
             for beside in [line - 1, line] {
-                if c.horizontal { add(cell, beside) } else { add(beside, cell) }
+                if c.horizontal {
+                    add(cell, beside)
+                } else {
+                    add(beside, cell)
+                }
             }
         }
     }

@@ -48,7 +48,12 @@ impl EdgeStage {
 
     /// Finds the view's edges and draws those that can be seen. Does nothing while nothing moves.
     pub fn find(&mut self, view: &View, _moved: bool, _pixels: &PixelSamples, ms: &mut StageMs) {
-        let Self { finder, list, crossings, .. } = self;
+        let Self {
+            finder,
+            list,
+            crossings,
+            ..
+        } = self;
         let new = ms.time(Stage::FindEdges, || finder.find(view, list));
         if !new {
             return;
@@ -63,7 +68,16 @@ impl EdgeStage {
                     let d = view.right * m.x + view.up * m.y + view.forward * m.z;
                     let f = list.faces[i];
                     let o = list.object[i];
-                    if w.occluder_where(&Ray { origin: view.eye, direction: d }, 1.0 - 1e-4, |inst, face| !(inst == o && f.contains(&face))).is_some() {
+                    if w.occluder_where(
+                        &Ray {
+                            origin: view.eye,
+                            direction: d,
+                        },
+                        1.0 - 1e-4,
+                        |inst, face| !(inst == o && f.contains(&face)),
+                    )
+                    .is_some()
+                    {
                         continue;
                     }
                 }
@@ -108,15 +122,20 @@ fn world_of(scene: &Scene) -> World {
             Arc::new(TriangleMesh::build(&positions, &mesh.faces))
         })
         .collect();
-    let objects = scene
-        .objects
-        .iter()
-        .filter_map(|o| Some((Arc::clone(meshes.get(o.mesh as usize)?), affine(&o.transform))));
+    let objects = scene.objects.iter().filter_map(|o| {
+        Some((
+            Arc::clone(meshes.get(o.mesh as usize)?),
+            affine(&o.transform),
+        ))
+    });
     let lights = scene.lights.iter().filter_map(|light| match light {
         Light::Area { vertices, .. } => {
             let corners: Vec<Vec3> = vertices.iter().map(|&v| v.into()).collect();
             let fan: Vec<[u32; 3]> = (2..corners.len() as u32).map(|i| [0, i - 1, i]).collect();
-            Some((Arc::new(TriangleMesh::build(&corners, &fan)), Affine3A::IDENTITY))
+            Some((
+                Arc::new(TriangleMesh::build(&corners, &fan)),
+                Affine3A::IDENTITY,
+            ))
         }
         Light::Point { .. } | Light::Linear { .. } => None,
     });
@@ -126,7 +145,10 @@ fn world_of(scene: &Scene) -> World {
 /// Rows of a scene's transform as a matrix.
 fn affine(rows: &Affine) -> Affine3A {
     let column = |k: usize| Vec3A::new(rows[0][k], rows[1][k], rows[2][k]);
-    Affine3A { matrix3: Mat3A::from_cols(column(0), column(1), column(2)), translation: column(3) }
+    Affine3A {
+        matrix3: Mat3A::from_cols(column(0), column(1), column(2)),
+        translation: column(3),
+    }
 }
 
 /// How much nearer than a point something must be to hide it, as a share of the distance.
@@ -137,5 +159,13 @@ pub(super) fn sees(world: &World, view: &View, cache: &PointCache, point: u32) -
     let w = cache.w[point as usize];
     let direction = cache.point(point) - view.eye * w;
     let limit = if w > 0.0 { 1.0 - HIDES } else { f32::INFINITY };
-    world.occluder(&Ray { origin: view.eye, direction }, limit).is_none()
+    world
+        .occluder(
+            &Ray {
+                origin: view.eye,
+                direction,
+            },
+            limit,
+        )
+        .is_none()
 }

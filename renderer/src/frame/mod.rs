@@ -62,7 +62,9 @@ pub struct Display {
     chooser: Chooser,
     prediction: Prediction,
     chosen: Vec<(u16, u16)>,
-    serial: u64,
+    uncovered: Vec<(u16, u16)>,
+    plans: u64,
+    last_id: u64,
     samples_new: usize,
     stage_ms: StageMs,
 }
@@ -108,7 +110,9 @@ impl Display {
             chooser: Chooser::default(),
             prediction: Prediction::default(),
             chosen: Vec::new(),
-            serial: 0,
+            uncovered: Vec::new(),
+            plans: 0,
+            last_id: 0,
             samples_new: 0,
             stage_ms: StageMs::default(),
         }
@@ -137,7 +141,9 @@ impl Display {
         let mut ms = std::mem::take(&mut self.stage_ms);
         if self.choices.edges() {
             self.edges.find(view, moved, &self.pixels, &mut ms);
-            ms.time(Stage::Classify, || self.edges.classify(self.level, &mut self.epi));
+            ms.time(Stage::Classify, || {
+                self.edges.classify(self.level, &mut self.epi)
+            });
         }
         ms.time(Stage::Classify, || self.settle_primary());
         ms.time(Stage::Reach, || self.reach.compute(self.level, &self.epi));
@@ -204,7 +210,11 @@ impl Display {
         }
         self.still.forget_changed();
         let (x, y) = (&self.pixels.x, &self.pixels.y);
-        self.epi.set_primary(&SamplePlaces { present: &self.pixels.has, x, y });
+        self.epi.set_primary(&SamplePlaces {
+            present: &self.pixels.has,
+            x,
+            y,
+        });
         let Self { epi, centre, .. } = self;
         for_each_bit(grid, &epi.simple, |x, y| {
             let (word, bit) = grid.bit(x, y);
@@ -271,9 +281,18 @@ impl Display {
         if self.still.samples() == 0 {
             return;
         }
-        let Self { grid, epi, still, secondary, secondary_known, .. } = self;
+        let Self {
+            grid,
+            epi,
+            still,
+            secondary,
+            secondary_known,
+            ..
+        } = self;
         for_each_bit(*grid, &epi.simple, |x, y| {
-            let Some(split) = still.split(x, y, epi.code_at(x, y).0) else { return };
+            let Some(split) = still.split(x, y, epi.code_at(x, y).0) else {
+                return;
+            };
             let (word, bit) = grid.bit(x, y);
             let region = usize::from(epi.primary_inner[word] >> bit & 1 == 0);
             let mean = &split.regions[region];

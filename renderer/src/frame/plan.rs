@@ -51,47 +51,20 @@ impl Display {
     fn choose(&mut self, budget: usize, next: Option<&View>, wanted: &mut Wanted) {
         wanted.here.clear();
         wanted.ahead.clear();
-        let moving =
-            next.filter(|n| self.view.as_ref() != Some(*n) && self.choices.prediction.is_on());
-        if let Some(view) = moving {
+        self.uncovered.clear();
+        let moving = next.filter(|n| self.view.as_ref() != Some(*n));
+        if let Some(view) = moving.filter(|_| self.choices.prediction.is_on()) {
             let limit = budget / AHEAD_SHARE;
             self.prediction
-                .find_empty(&self.cache, view, limit, &mut self.chosen);
-            let serial = self.next_serial();
-            for &(x, y) in &self.chosen {
-                let jitter = |salt| hash_unit(self.seed ^ salt, serial << 32 | request_key(x, y));
-                wanted.ahead.push(SampleRequest {
-                    id: serial << 32 | request_key(x, y),
-                    x,
-                    y,
-                    offset: [jitter(5), jitter(6)],
-                });
-            }
+                .find_empty(&self.cache, view, limit, &mut self.uncovered);
         }
         self.prioritize();
-        self.request_chosen(budget - wanted.ahead.len(), wanted);
-    }
-
-    fn request_chosen(&mut self, budget: usize, wanted: &mut Wanted) {
-        let serial = self.next_serial();
-        let priority = &self.priorities.priority;
-        self.chooser.choose(
-            self.grid,
-            priority,
-            budget,
-            self.seed ^ serial,
-            &mut self.chosen,
-        );
-        // Most wanted first; equals in scan order.
-        let grid = self.grid;
-        self.chosen.sort_by(|a, b| {
-            let of = |p: &(u16, u16)| priority[grid.at(p.0.into(), p.1.into())];
-            of(b).total_cmp(&of(a)).then((a.1, a.0).cmp(&(b.1, b.0)))
-        });
-        for &(x, y) in &self.chosen {
-            let offset = self.place_of(usize::from(x), usize::from(y), serial);
-            wanted.here.push(SampleRequest {
-                id: serial << 32 | request_key(x, y),
+        self.request_chosen(budget - self.uncovered.len(), wanted);
+        for &(x, y) in &self.uncovered {
+            self.last_id += 1;
+            let offset = [5, 6].map(|salt| hash_unit(self.seed ^ salt, self.last_id));
+            wanted.ahead.push(SampleRequest {
+                id: self.last_id,
                 x,
                 y,
                 offset,
@@ -99,7 +72,35 @@ impl Display {
         }
     }
 
-    fn place_of(&self, x: usize, y: usize, serial: u64) -> [f32; 2] {
+    fn request_chosen(&mut self, budget: usize, wanted: &mut Wanted) {
+        self.plans += 1;
+        let priority = &self.priorities.priority;
+        self.chooser.choose(
+            self.grid,
+            priority,
+            budget,
+            self.seed ^ self.plans,
+            &mut self.chosen,
+        );
+        // Most wanted first; equals in scan order.
+        let grid = self.grid;
+        self.chosen.sort_unstable_by(|a, b| {
+            let of = |p: &(u16, u16)| priority[grid.at(p.0.into(), p.1.into())];
+            of(b).total_cmp(&of(a)).then((a.1, a.0).cmp(&(b.1, b.0)))
+        });
+        for &(x, y) in &self.chosen {
+            self.last_id += 1;
+            let offset = self.place_of(usize::from(x), usize::from(y));
+            wanted.here.push(SampleRequest {
+                id: self.last_id,
+                x,
+                y,
+                offset,
+            });
+        }
+    }
+
+    fn place_of(&self, x: usize, y: usize) -> [f32; 2] {
         let code = self.epi.code_at(x, y);
         let count = self.still.whole(x, y).count as u32;
         let region_centre = code.is_simple().then(|| {
@@ -114,7 +115,7 @@ impl Display {
                 || (counts == [0.0; 2] && tables.inner_larger(code));
             tables.centroid_px(code, inner)
         });
-        let moving = if count == 0 { serial } else { 0 };
+        let moving = if count == 0 { self.plans } else { 0 };
         place(
             self.seed ^ moving << 20,
             PixelState {
@@ -125,13 +126,4 @@ impl Display {
             },
         )
     }
-
-    fn next_serial(&mut self) -> u64 {
-        self.serial += 1;
-        self.serial
-    }
-}
-
-fn request_key(x: u16, y: u16) -> u64 {
-    u64::from(y) << 16 | u64::from(x)
 }

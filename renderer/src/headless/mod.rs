@@ -7,7 +7,8 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use protocol::messages::Camera;
-use scenes::{CameraPath, LoadedScene};
+use protocol::scene::Scene;
+use scenes::{CameraPath, CameraSpec};
 
 use crate::camera::View;
 use crate::cli::RenderArgs;
@@ -15,8 +16,8 @@ use crate::config::Method;
 use crate::frame::{Display, Wanted};
 use crate::servers::{Servers, ServersError};
 use crate::tone::ToneMap;
-pub use output::OutputError;
 use output::Output;
+pub use output::OutputError;
 
 /// Share of the pixels that are asked for in a frame unless told otherwise: the paper's 1-3 %.
 const DEFAULT_SHARE: f64 = 0.02;
@@ -55,9 +56,20 @@ pub struct Summary {
     pub last_file: Option<PathBuf>,
 }
 
+/// What is rendered.
+#[derive(Clone, Copy)]
+pub struct Subject<'a> {
+    /// The scene, as the servers have it.
+    pub scene: &'a Scene,
+    /// Where the camera stands.
+    pub camera: &'a CameraSpec,
+    /// Ways through the scene.
+    pub paths: &'a [CameraPath],
+}
+
 /// Where the camera is in each frame.
 pub struct Flight<'a> {
-    scene: &'a LoadedScene,
+    start: &'a CameraSpec,
     path: Option<&'a CameraPath>,
     fps: f32,
     size: (u32, u32),
@@ -68,21 +80,41 @@ impl<'a> Flight<'a> {
     ///
     /// # Errors
     /// If the scene has no path of that name.
-    pub fn new(scene: &'a LoadedScene, args: &RenderArgs) -> Result<Self, RenderError> {
+    pub fn new(subject: Subject<'a>, args: &RenderArgs) -> Result<Self, RenderError> {
         let path = args.path.as_ref().map(|name| {
-            scene.path(name).ok_or_else(|| {
-                let names: Vec<&str> = scene.paths.iter().map(|p| p.name.as_str()).collect();
-                let known = if names.is_empty() { "none".to_owned() } else { names.join(", ") };
-                RenderError::NoPath { name: name.clone(), known }
-            })
+            subject
+                .paths
+                .iter()
+                .find(|p| p.name == *name)
+                .ok_or_else(|| {
+                    let names: Vec<&str> = subject.paths.iter().map(|p| p.name.as_str()).collect();
+                    let known = if names.is_empty() {
+                        "none".to_owned()
+                    } else {
+                        names.join(", ")
+                    };
+                    RenderError::NoPath {
+                        name: name.clone(),
+                        known,
+                    }
+                })
         });
-        let fps = if args.fps.is_finite() && args.fps > 0.0 { args.fps } else { 30.0 };
-        Ok(Self { scene, path: path.transpose()?, fps, size: args.size })
+        let fps = if args.fps.is_finite() && args.fps > 0.0 {
+            args.fps
+        } else {
+            30.0
+        };
+        Ok(Self {
+            start: subject.camera,
+            path: path.transpose()?,
+            fps,
+            size: args.size,
+        })
     }
 
     /// The camera of a frame.
     pub fn camera(&self, frame: usize) -> Camera {
-        let start = &self.scene.camera;
+        let start = self.start;
         let (eye, target) = match self.path {
             Some(path) => {
                 let key = path.at_seconds(frame as f32 / self.fps);
@@ -90,7 +122,14 @@ impl<'a> Flight<'a> {
             }
             None => (start.eye, start.target),
         };
-        Camera { eye, target, up: start.up, fov_y: start.fov_y, width: self.size.0, height: self.size.1 }
+        Camera {
+            eye,
+            target,
+            up: start.up,
+            fov_y: start.fov_y,
+            width: self.size.0,
+            height: self.size.1,
+        }
     }
 }
 
@@ -99,11 +138,11 @@ impl<'a> Flight<'a> {
 /// # Errors
 /// If the path is unknown, a file cannot be written, or no server can be had.
 pub fn render(
-    scene: &LoadedScene,
+    subject: Subject<'_>,
     args: &RenderArgs,
     servers: &mut Servers,
 ) -> Result<Summary, RenderError> {
-    let flight = Flight::new(scene, args)?;
+    let flight = Flight::new(subject, args)?;
     let mut output = Output::new(args)?;
     let start = Instant::now();
     let mut totals = Vec::with_capacity(args.frames);
@@ -117,10 +156,17 @@ pub fn render(
             }
         }
         Method::EdgeAndPoint | Method::NoComplex | Method::PointsOnly => {
-            sparse(scene, &flight, args, servers, &mut output, |stats| {
-                samples += stats.samples_new as u64;
-                totals.push(stats.total_ms);
-            })?;
+            sparse(
+                subject.scene,
+                &flight,
+                args,
+                servers,
+                &mut output,
+                |stats| {
+                    samples += stats.samples_new as u64;
+                    totals.push(stats.total_ms);
+                },
+            )?;
         }
     }
     totals.sort_by(f64::total_cmp);
@@ -134,7 +180,7 @@ pub fn render(
 }
 
 fn sparse(
-    scene: &LoadedScene,
+    scene: &Scene,
     flight: &Flight<'_>,
     args: &RenderArgs,
     servers: &mut Servers,
@@ -143,22 +189,24 @@ fn sparse(
 ) -> Result<(), RenderError> {
     let (width, height) = args.size;
     let pixels = f64::from(width) * f64::from(height);
-    let budget = args.samples_per_frame.unwrap_or((pixels * DEFAULT_SHARE).round() as usize);
-    let mut display = Display::new(&scene.scene, args.choices, width, height, args.seed);
+    let budget = args
+        .samples_per_frame
+        .unwrap_or((pixels * DEFAULT_SHARE).round() as usize);
+    let mut display = Display::new(scene, args.choices, width, height, args.seed);
     let tone = ToneMap::new();
     let (mut wanted, mut received, mut shown) = (Wanted::default(), Vec::new(), Vec::new());
     let mut view = View::new(&flight.camera(0));
-    let mut number = servers.set_view(&view.camera());
+    let mut number = servers.set_view(&view.camera())?;
     display.begin(&view, number);
     display.plan_first(budget, &mut wanted);
-    servers.request(number, &wanted.here);
+    servers.request(number, &wanted.here)?;
     for frame in 0..args.frames {
         let waited = Instant::now();
         received.clear();
         if args.lockstep {
             servers.wait_all(&mut received)?;
         } else {
-            servers.drain(&mut received)?;
+            servers.drain(&mut received);
         }
         let wait_ms = waited.elapsed().as_secs_f64() * 1e3;
         display.receive(&received);
@@ -167,10 +215,10 @@ fn sparse(
         let next = View::new(&flight.camera(frame + 1));
         if frame + 1 < args.frames {
             display.plan(budget, Some(&next), &mut wanted);
-            servers.request(number, &wanted.here);
+            servers.request(number, &wanted.here)?;
             if next != view {
-                (view, number) = (next, servers.set_view(&next.camera()));
-                servers.request(number, &wanted.ahead);
+                (view, number) = (next, servers.set_view(&next.camera())?);
+                servers.request(number, &wanted.ahead)?;
             }
         }
         let mut stats = display.take_stats(frame);

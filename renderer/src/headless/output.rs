@@ -10,7 +10,9 @@ use crate::stats::FrameStats;
 
 /// Why a file could not be written.
 #[derive(Debug, thiserror::Error)]
-#[error("cannot write `{path}`: {reason}; check that the folder can be written to and the disk has room")]
+#[error(
+    "cannot write `{path}`: {reason}; check that the folder can be written to and the disk has room"
+)]
 pub struct OutputError {
     path: PathBuf,
     reason: String,
@@ -18,7 +20,10 @@ pub struct OutputError {
 
 impl OutputError {
     fn new(path: &Path, reason: impl ToString) -> Self {
-        Self { path: path.to_owned(), reason: reason.to_string() }
+        Self {
+            path: path.to_owned(),
+            reason: reason.to_string(),
+        }
     }
 }
 
@@ -75,7 +80,9 @@ impl Output {
         if self.exr {
             let path = name("exr");
             let pixels = (0..grid.height).flat_map(|y| (0..grid.width).map(move |x| grid.at(x, y)));
-            let data: Vec<f32> = pixels.flat_map(|at| [rgb[0][at], rgb[1][at], rgb[2][at]]).collect();
+            let data: Vec<f32> = pixels
+                .flat_map(|at| [rgb[0][at], rgb[1][at], rgb[2][at]])
+                .collect();
             image::Rgb32FImage::from_raw(grid.width as u32, grid.height as u32, data)
                 .ok_or_else(|| OutputError::new(&path, "the picture has no pixels"))?
                 .save(&path)
@@ -90,10 +97,14 @@ impl Output {
     /// # Errors
     /// If it cannot be written.
     pub fn stats(&mut self, stats: &FrameStats) -> Result<(), OutputError> {
-        let Some((path, file)) = &mut self.stats else { return Ok(()) };
+        let Some((path, file)) = &mut self.stats else {
+            return Ok(());
+        };
         let line = serde_json::to_string(stats).map_err(|e| OutputError::new(path, e))?;
         // Each line goes out whole, so that whoever follows the file sees frames as they come.
-        writeln!(file, "{line}").and_then(|()| file.flush()).map_err(|e| OutputError::new(path, e))
+        writeln!(file, "{line}")
+            .and_then(|()| file.flush())
+            .map_err(|e| OutputError::new(path, e))
     }
 
     /// The last picture written.
@@ -107,7 +118,10 @@ impl Output {
 /// # Errors
 /// If it cannot be written.
 pub fn write_png(path: &Path, width: u32, height: u32, shown: &[u32]) -> Result<(), OutputError> {
-    let bytes = shown.iter().flat_map(|p| [(p >> 16) as u8, (p >> 8) as u8, *p as u8]).collect();
+    let bytes = shown
+        .iter()
+        .flat_map(|p| [(p >> 16) as u8, (p >> 8) as u8, *p as u8])
+        .collect();
     image::RgbImage::from_raw(width, height, bytes)
         .ok_or_else(|| OutputError::new(path, "the picture has no pixels"))?
         .save(path)

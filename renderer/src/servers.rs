@@ -1,0 +1,185 @@
+//! The shader servers as the frame loops use them: the link, and what becomes of its troubles.
+
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Duration;
+
+use protocol::messages::{Camera, SampleRequest, Triple};
+use protocol::scene::Scene;
+
+use crate::cli::ServerArgs;
+use crate::frame::Received;
+use crate::link::{
+    Link, LinkConfig, LinkError, LinkStatus, ReceivedSample, ServerSource, WaitOutcome,
+};
+
+/// Longest that a lockstep frame waits for its samples.
+const PATIENCE: Duration = Duration::from_secs(600);
+
+/// Why there are no samples.
+#[derive(Debug, thiserror::Error)]
+pub enum ServersError {
+    /// The link refused something.
+    #[error(transparent)]
+    Link(#[from] LinkError),
+    /// The program cannot find itself, to start it as a shader server.
+    #[error(
+        "cannot start a shader server: the path of this program is not known ({0}); use --shader or --connect"
+    )]
+    OwnPath(std::io::Error),
+    /// No server ever answered.
+    #[error("no shader server can be reached: {0}")]
+    Unreachable(String),
+    /// A frame waited too long.
+    #[error("the shader servers did not deliver a frame's samples within {} s", PATIENCE.as_secs())]
+    Stalled,
+}
+
+/// All shader servers of a run.
+pub struct Servers {
+    link: Link,
+    samples: Vec<ReceivedSample>,
+    met: Vec<Triple>,
+    triples: std::collections::BTreeSet<Triple>,
+    warned: bool,
+}
+
+impl Servers {
+    /// Starts or connects to the servers that the arguments name; by default this program, run again as one. `pixels` is
+    /// the size of the pictures, `waker` is called from another thread when samples come.
+    ///
+    /// # Errors
+    /// If the arguments or the scene cannot be used; a server that cannot be reached is none.
+    pub fn start(
+        args: &ServerArgs,
+        scene: &Arc<Scene>,
+        seed: u64,
+        pixels: usize,
+        waker: Option<Box<dyn Fn() + Send + Sync>>,
+    ) -> Result<Self, ServersError> {
+        let mut config = LinkConfig::new(sources(args)?, seed);
+        config.capacity = config.capacity.max(2 * pixels);
+        config.waker = waker;
+        let link = Link::start(config, Arc::clone(scene))?;
+        Ok(Self {
+            link,
+            samples: Vec::new(),
+            met: Vec::new(),
+            triples: std::collections::BTreeSet::new(),
+            warned: false,
+        })
+    }
+
+    /// Names a camera; samples can then be asked for in it.
+    ///
+    /// # Errors
+    /// If the camera's values make no picture.
+    pub fn set_view(&mut self, camera: &Camera) -> Result<u32, ServersError> {
+        Ok(self.link.set_view(*camera)?)
+    }
+
+    /// Asks for samples of a view, most wanted first; ids must grow from call to call.
+    ///
+    /// # Errors
+    /// If they do not.
+    pub fn request(&mut self, view: u32, requests: &[SampleRequest]) -> Result<(), ServersError> {
+        if !requests.is_empty() {
+            self.link.request(view, requests)?;
+        }
+        Ok(())
+    }
+
+    /// Drops what is still wanted of views before this one.
+    pub fn cancel_before(&mut self, view: u32) {
+        self.link.cancel_before(view);
+    }
+
+    /// Waits for every sample asked for and gives them in the order of their ids. With no server left, gives what came.
+    ///
+    /// # Errors
+    /// If no server ever answered, or none does in ten minutes.
+    pub fn wait_all(&mut self, received: &mut Vec<Received>) -> Result<(), ServersError> {
+        let outcome = self.link.wait(PATIENCE, &mut self.samples, &mut self.met);
+        self.hand_over(received);
+        match outcome {
+            WaitOutcome::Complete => Ok(()),
+            WaitOutcome::TimedOut => Err(ServersError::Stalled),
+            WaitOutcome::NoServer => {
+                let status = self.link.status();
+                let why = status
+                    .last_fault
+                    .as_deref()
+                    .unwrap_or("it gave no reason")
+                    .to_owned();
+                if status.samples == 0 {
+                    return Err(ServersError::Unreachable(why));
+                }
+                if !std::mem::replace(&mut self.warned, true) {
+                    tracing::warn!(
+                        "no shader server is left ({why}); going on with the samples there are"
+                    );
+                }
+                Ok(())
+            }
+        }
+    }
+
+    /// Gives what came since the last time, without waiting.
+    pub fn drain(&mut self, received: &mut Vec<Received>) {
+        self.link.drain(&mut self.samples, &mut self.met);
+        self.hand_over(received);
+    }
+
+    fn hand_over(&mut self, received: &mut Vec<Received>) {
+        let samples = self.samples.drain(..);
+        received.extend(samples.map(|r| Received {
+            view: r.view,
+            sample: r.sample,
+        }));
+        self.triples.extend(self.met.drain(..));
+    }
+
+    /// Servers that take requests.
+    pub fn connected(&self) -> usize {
+        self.link.status().connected
+    }
+
+    /// Light-blocker-receiver triples that servers have met.
+    pub fn triples(&self) -> usize {
+        self.triples.len()
+    }
+
+    /// How the link is doing.
+    pub fn status(&self) -> LinkStatus {
+        self.link.status()
+    }
+}
+
+fn sources(args: &ServerArgs) -> Result<Vec<ServerSource>, ServersError> {
+    if !args.connect.is_empty() {
+        return Ok(args
+            .connect
+            .iter()
+            .cloned()
+            .map(ServerSource::Connect)
+            .collect());
+    }
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let threads = args
+        .shader_threads
+        .map_or_else(|| (cores / usize::from(args.servers)).max(1), usize::from);
+    let (program, mut own): (PathBuf, Vec<OsString>) = match &args.shader {
+        Some(program) => (program.clone(), Vec::new()),
+        None => (
+            std::env::current_exe().map_err(ServersError::OwnPath)?,
+            vec!["shader-server".into()],
+        ),
+    };
+    // A foreign program is only told its threads if they were asked for: it need not know the option.
+    if args.shader.is_none() || args.shader_threads.is_some() {
+        own.extend(["--threads".into(), threads.to_string().into()]);
+    }
+    let source = ServerSource::Spawn { program, args: own };
+    Ok(vec![source; usize::from(args.servers)])
+}
