@@ -30,6 +30,8 @@ struct PreparedPart {
     name: Option<String>,
     mesh: Mesh,
     face_materials: Vec<Option<usize>>,
+    /// What is odd about it; counted for each object that shows it.
+    report: LoadReport,
     /// Where it is in the scene, by the material of faces that name none (`None`: it has no such faces, or no others).
     placed: BTreeMap<Option<u32>, u32>,
 }
@@ -237,17 +239,14 @@ impl<'a> Assembler<'a> {
                 ..Part::default()
             };
             let crease = placement.crease_angle;
-            let part = prepare_part(part, normals, crease, self.file, &mut self.report)?;
+            let part = prepare_part(part, normals, crease, self.file)?;
             // Equal meshes are sent once: a row of chairs is one chair.
-            meshes.push(
-                match self.scene.meshes.iter().position(|m| *m == part.mesh) {
-                    Some(index) => index as u32,
-                    None => {
-                        self.scene.meshes.push(part.mesh);
-                        self.scene.meshes.len() as u32 - 1
-                    }
-                },
-            );
+            let known = self.scene.meshes.iter().position(|m| *m == part.mesh);
+            let index = known.unwrap_or(self.scene.meshes.len());
+            if known.is_none() {
+                self.scene.meshes.push(part.mesh);
+            }
+            meshes.push((index as u32, part.report));
         }
         for copy in made.copies {
             let name = match &copy.name {
@@ -258,7 +257,9 @@ impl<'a> Assembler<'a> {
                 transform: transform::product(&placement.transform, &copy.transform),
                 ..*placement
             };
-            self.push_object(name, meshes[copy.mesh], material, &placement);
+            let (mesh, report) = &meshes[copy.mesh];
+            self.report.add(report);
+            self.push_object(name, *mesh, material, &placement);
         }
         Ok(())
     }
@@ -281,13 +282,7 @@ impl<'a> Assembler<'a> {
         self.report.add(&report);
         let mut prepared = Vec::with_capacity(parts.len());
         for part in parts {
-            prepared.push(prepare_part(
-                part,
-                normals,
-                crease_angle,
-                path,
-                &mut self.report,
-            )?);
+            prepared.push(prepare_part(part, normals, crease_angle, path)?);
         }
         let used: BTreeSet<usize> = prepared
             .iter()
@@ -341,6 +336,7 @@ impl<'a> Assembler<'a> {
                 }
             };
             let variant = mixed.then_some(material);
+            self.report.add(&part.report);
             let mesh = match part.placed.get(&variant) {
                 Some(&index) => index,
                 None => {
@@ -477,13 +473,12 @@ fn prepare_part(
     mode: NormalsMode,
     crease_angle: f32,
     file: &Path,
-    report: &mut LoadReport,
 ) -> Result<PreparedPart, SceneError> {
     if mode != NormalsMode::File {
         part.mesh.normals.clear();
         part.mesh.face_normals.clear();
     }
-    report.add(&examine(&mut part.mesh, file)?);
+    let report = examine(&mut part.mesh, file)?;
     if mode == NormalsMode::Smooth {
         normals::smooth(&mut part.mesh, crease_angle);
     }
@@ -491,6 +486,7 @@ fn prepare_part(
         name: part.name,
         mesh: part.mesh,
         face_materials: part.face_materials,
+        report,
         placed: BTreeMap::new(),
     })
 }

@@ -5,6 +5,7 @@
 //! geometry. `README.md` beside this crate gives every key of a scene file.
 
 mod assemble;
+mod builtin;
 mod error;
 mod format;
 mod generate;
@@ -18,6 +19,7 @@ mod report;
 mod textures;
 mod transform;
 
+pub use builtin::{DEFAULT, builtin, builtin_names, open};
 pub use error::{ErrorKind, SceneError};
 pub use load::{CameraSpec, LoadedScene, load};
 pub use path::{CameraPath, PathKey};

@@ -2,11 +2,12 @@
 
 use std::fmt;
 
-/// What was loaded and what was broken in it, summed over all meshes. Edges and duplicates are counted after welding
-/// bit-equal positions, within each object.
+/// What was loaded and what was broken in it, summed over all objects (what only a file's reader sees,
+/// such as polygons, over all files). Edges and duplicates are counted after welding bit-equal positions, within each
+/// object.
 #[derive(Debug, Default, Clone, PartialEq, Eq)]
 pub struct LoadReport {
-    /// Triangles kept, each mesh once however many objects show it.
+    /// Triangles kept.
     pub triangles: usize,
     /// Positions kept.
     pub vertices: usize,

@@ -162,7 +162,7 @@ fn rings(spec: &ChainSpec) -> Result<Vec<Ring>, String> {
     } else {
         spec.links - 1
     };
-    let mut side = DVec3::Z;
+    let mut side = DVec3::ZERO;
     let mut rings = Vec::with_capacity(spec.links as usize);
     for i in 0..spec.links {
         let s = total * f64::from(i) / f64::from(gaps);
@@ -179,14 +179,9 @@ fn rings(spec: &ChainSpec) -> Result<Vec<Ring>, String> {
                 0.0
             },
         );
-        // Where the curve is upright the last sideways direction still serves.
-        let level = along.cross(DVec3::Y);
-        let raw = if level.length() > 1e-3 {
-            level
-        } else {
-            side - along * side.dot(along)
-        };
-        side = raw.normalize_or(DVec3::Z);
+        // The sideways direction is carried along with as little turning as can be.
+        let start = if i == 0 { along.cross(DVec3::Y) } else { side };
+        side = (start - along * start.dot(along)).normalize_or(along.any_orthonormal_vector());
         let up = side.cross(along);
         let sign = if i.is_multiple_of(2) { 1.0 } else { -1.0 };
         let (sin, cos) = (sign * f64::from(spec.roll).to_radians()).sin_cos();

@@ -3,6 +3,9 @@
 use super::builder::Builder;
 use super::solids::cuboid;
 
+/// Where two boxes would end flush, one stands back by this, metres: flush ones would share an edge of four faces.
+const STEP: f32 = 0.003;
+
 /// A top of `thickness` on four square legs, their outer sides flush with it but for a finger's width.
 pub(super) fn table(b: &mut Builder, size: [f32; 3], thickness: f32, leg: f32) {
     let [hx, top, hz] = [size[0] / 2.0, size[1], size[2] / 2.0];
@@ -37,7 +40,9 @@ pub(super) fn chair(b: &mut Builder, size: [f32; 3], seat: f32, slats: u32) {
     let back = -hz + leg;
     for sx in [-1.0, 1.0] {
         let x = sx * (hx - leg / 2.0);
-        cuboid(b, [x - leg / 2.0, seat, -hz], [x + leg / 2.0, rail_y, back]);
+        let half = leg / 2.0 - STEP;
+        let z = -hz + leg / 2.0;
+        cuboid(b, [x - half, seat, z - half], [x + half, rail_y, z + half]);
     }
     cuboid(b, [-hx, rail_y, -hz], [hx, top, back]);
     let inner = 2.0 * (hx - leg);
@@ -59,14 +64,11 @@ pub(super) fn shelf(b: &mut Builder, size: [f32; 3], boards: u32, thickness: f32
     let back = -hz + thickness / 2.0;
     cuboid(b, [-hx, 0.0, -hz], [-hx + thickness, top, hz]);
     cuboid(b, [hx - thickness, 0.0, -hz], [hx, top, hz]);
-    cuboid(b, [-hx + thickness, 0.0, -hz], [hx - thickness, top, back]);
+    let (left, right) = (-hx + thickness, hx - thickness);
+    cuboid(b, [left, 0.0, -hz + STEP], [right, top - 0.5 * STEP, back]);
     for i in 0..boards {
-        let y = i as f32 * (top - thickness) / (boards - 1) as f32;
-        cuboid(
-            b,
-            [-hx + thickness, y, back],
-            [hx - thickness, y + thickness, hz],
-        );
+        let y = STEP + i as f32 * (top - thickness - 2.0 * STEP) / (boards - 1) as f32;
+        cuboid(b, [left, y, back], [right, y + thickness, hz - STEP]);
     }
 }
 

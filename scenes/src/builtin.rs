@@ -1,0 +1,45 @@
+//! Scenes that are part of the program.
+
+use std::path::Path;
+
+use crate::error::{ErrorKind, SceneError};
+use crate::load::{LoadedScene, load, load_text};
+
+/// The scene to show if none is asked for.
+pub const DEFAULT: &str = "chains";
+
+const FILES: [(&str, &str); 2] = [
+    ("chains", include_str!("../chains.toml")),
+    ("rooms", include_str!("../rooms.toml")),
+];
+
+/// Names that [`builtin`] knows.
+pub fn builtin_names() -> impl Iterator<Item = &'static str> {
+    FILES.iter().map(|(name, _)| *name)
+}
+
+/// A scene that is part of the program, by name; needs no files.
+///
+/// # Errors
+/// There is no such name.
+pub fn builtin(name: &str) -> Result<LoadedScene, SceneError> {
+    match FILES.iter().find(|(n, _)| *n == name) {
+        Some((_, text)) => load_text(text, Path::new(&format!("{name}.toml"))),
+        None => {
+            let names = builtin_names().collect::<Vec<_>>().join(", ");
+            Err(SceneError::new(name, ErrorKind::UnknownBuiltin(names)))
+        }
+    }
+}
+
+/// What a person may type: the path of a scene or mesh file, or the name of a built-in scene if no such file exists.
+///
+/// # Errors
+/// Those of [`load`].
+pub fn open(path_or_name: &str) -> Result<LoadedScene, SceneError> {
+    let path = Path::new(path_or_name);
+    if !path.exists() && builtin_names().any(|n| n == path_or_name) {
+        return builtin(path_or_name);
+    }
+    load(path)
+}

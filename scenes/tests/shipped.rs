@@ -1,0 +1,218 @@
+//! The scenes that are part of the program: what they promise, and that their paths hit nothing.
+
+use std::path::Path;
+
+use glam::DVec3;
+use protocol::scene::{Affine, Light, Scene};
+use scenes::{LoadedScene, builtin, builtin_names, load};
+
+const MAJOR: f64 = 0.5;
+const MINOR: f64 = 0.1;
+
+fn point(m: &Affine, p: [f64; 3]) -> DVec3 {
+    DVec3::from_array(std::array::from_fn(|i| {
+        let row = m[i].map(f64::from);
+        row[0] * p[0] + row[1] * p[1] + row[2] * p[2] + row[3]
+    }))
+}
+
+/// All triangles in world space.
+fn triangles(scene: &Scene) -> Vec<[DVec3; 3]> {
+    let mut all = Vec::new();
+    for object in &scene.objects {
+        let mesh = &scene.meshes[object.mesh as usize];
+        let world: Vec<DVec3> = mesh
+            .positions
+            .iter()
+            .map(|p| point(&object.transform, p.map(f64::from)))
+            .collect();
+        all.extend(mesh.faces.iter().map(|f| f.map(|v| world[v as usize])));
+    }
+    all
+}
+
+#[test]
+fn the_embedded_scenes_are_the_files() {
+    for name in builtin_names() {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("{name}.toml"));
+        let (made, read) = (builtin(name).unwrap(), load(&file).unwrap());
+        assert_eq!(made, read);
+        assert!(made.path("orbit").is_some_and(|p| !p.open));
+        assert!(made.report.is_clean(), "{name}: {}", made.report);
+    }
+    assert!(builtin("no such scene").is_err());
+}
+
+#[test]
+fn chains_has_the_papers_counts() {
+    let chains = builtin("chains").unwrap();
+    let (mut faces, mut edges) = (0, 0);
+    for object in chains.scene.objects.iter().filter(|o| o.name != "ground") {
+        let mesh = &chains.scene.meshes[object.mesh as usize];
+        faces += mesh.faces.len();
+        // Closed, so each edge has two faces; the generators' tests show that it is.
+        edges += mesh.faces.len() * 3 / 2;
+    }
+    assert_eq!((faces, edges), (73_728, 110_592));
+    assert_eq!(chains.report.triangles, 73_728 + 2);
+    assert_eq!(chains.report.edges, 110_592 + 5);
+    assert_eq!(chains.report.boundary_edges, 4);
+    assert_eq!(chains.scene.meshes.len(), 2, "all links share one mesh");
+    assert_eq!(chains.scene.lights.len(), 2);
+    assert!(
+        chains
+            .scene
+            .lights
+            .iter()
+            .all(|l| matches!(l, Light::Area { .. }))
+    );
+    assert_eq!(chains.path("orbit").map(|p| p.seconds), Some(4.0));
+}
+
+/// A sampled lower bound of the distance between two links' centre lines: both circles are cut into pieces, and no point
+/// of a piece is farther from its end than half the piece's arc.
+fn centre_line_distance(a: &Affine, b: &Affine) -> f64 {
+    const PIECES: i32 = 720;
+    let circle = |m: &Affine| -> Vec<DVec3> {
+        (0..PIECES)
+            .map(|i| {
+                let (sin, cos) =
+                    (f64::from(i) / f64::from(PIECES) * std::f64::consts::TAU).sin_cos();
+                point(m, [MAJOR * cos, 0.0, MAJOR * sin])
+            })
+            .collect()
+    };
+    let (p, q) = (circle(a), circle(b));
+    let nearest = p
+        .iter()
+        .flat_map(|x| q.iter().map(move |y| x.distance_squared(*y)))
+        .fold(f64::INFINITY, f64::min)
+        .sqrt();
+    nearest - std::f64::consts::TAU * MAJOR / f64::from(PIECES)
+}
+
+#[test]
+fn no_two_links_touch_and_none_is_in_the_ground() {
+    let chains = builtin("chains").unwrap();
+    let links: Vec<_> = chains
+        .scene
+        .objects
+        .iter()
+        .filter(|o| o.name != "ground")
+        .collect();
+    assert_eq!(links.len(), 32);
+    // A chord across the inside of a ring of 48 pieces bulges this far out of the round tube.
+    let bulge = (MAJOR - MINOR) * (1.0 - (std::f64::consts::PI / 48.0).cos());
+    let mut least = f64::INFINITY;
+    for (i, a) in links.iter().enumerate() {
+        for b in &links[i + 1..] {
+            let apart = point(&a.transform, [0.0; 3]).distance(point(&b.transform, [0.0; 3]));
+            if apart > 2.0 * (MAJOR + 2.0 * MINOR) {
+                continue;
+            }
+            let gap = centre_line_distance(&a.transform, &b.transform) - 2.0 * (MINOR + bulge);
+            assert!(gap > 0.0, "{} and {} are {gap} apart", a.name, b.name);
+            least = least.min(gap);
+        }
+        let mesh = &chains.scene.meshes[a.mesh as usize];
+        let lowest = mesh
+            .positions
+            .iter()
+            .map(|p| point(&a.transform, p.map(f64::from)).y);
+        let lowest = lowest.fold(f64::INFINITY, f64::min);
+        assert!(lowest > 0.0, "{} reaches {lowest} below the ground", a.name);
+    }
+    println!("least distance between two links: at least {least:.4} m");
+}
+
+#[test]
+fn neighbours_in_a_chain_are_linked() {
+    let chains = builtin("chains").unwrap();
+    let objects = &chains.scene.objects;
+    for w in objects.windows(2) {
+        let (Some((a, i)), Some((b, _))) = (w[0].name.split_once('/'), w[1].name.split_once('/'))
+        else {
+            continue;
+        };
+        if a != b {
+            continue;
+        }
+        let (m, n) = (w[0].transform, w[1].transform);
+        let centre = point(&m, [0.0; 3]);
+        let axis = point(&m, [0.0, 1.0, 0.0]) - centre;
+        let at = |k: i32| {
+            let (sin, cos) = (f64::from(k) / 720.0 * std::f64::consts::TAU).sin_cos();
+            point(&n, [MAJOR * cos, 0.0, MAJOR * sin])
+        };
+        let side = |p: DVec3| (p - centre).dot(axis) > 0.0;
+        let passes = (0..720)
+            .filter(|&k| side(at(k)) != side(at(k + 1)) && (at(k) - centre).length() < MAJOR)
+            .count();
+        assert_eq!(passes, 1, "{a}/{i} and the next");
+    }
+}
+
+#[test]
+fn rooms_is_what_it_says() {
+    let rooms = builtin("rooms").unwrap();
+    assert!(
+        (14_000..=16_000).contains(&rooms.report.triangles),
+        "{}",
+        rooms.report
+    );
+    assert_eq!(rooms.scene.lights.len(), 6);
+    assert!(rooms.scene.textures.len() >= 2);
+    assert_eq!(rooms.report.non_manifold_edges, 0);
+}
+
+/// Distance from a point to a triangle.
+fn distance(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
+    let n = (b - a).cross(c - a);
+    let inside = [(a, b), (b, c), (c, a)]
+        .iter()
+        .all(|(s, e)| n.dot((*e - *s).cross(p - *s)) >= 0.0);
+    if inside && n.length() > 0.0 {
+        return (p - a).dot(n.normalize()).abs();
+    }
+    let to_edge = |s: DVec3, e: DVec3| {
+        let t = ((p - s).dot(e - s) / (e - s).length_squared()).clamp(0.0, 1.0);
+        (p - s - (e - s) * t).length()
+    };
+    to_edge(a, b).min(to_edge(b, c)).min(to_edge(c, a))
+}
+
+/// Steps of the path are far shorter than the distance kept, so the camera crosses nothing between them.
+fn clearance(loaded: &LoadedScene, steps: u16) -> f64 {
+    let triangles = triangles(&loaded.scene);
+    let path = loaded.path("orbit").unwrap();
+    let eyes: Vec<DVec3> = (0..steps)
+        .map(|i| DVec3::from_array(path.at(f32::from(i) / f32::from(steps)).eye.map(f64::from)))
+        .collect();
+    let mut least = f64::INFINITY;
+    let mut longest: f64 = 0.0;
+    for (i, eye) in eyes.iter().enumerate() {
+        longest = longest.max(eye.distance(eyes[(i + 1) % eyes.len()]));
+        for t in &triangles {
+            // Bounds first: the exact distance is needed for few.
+            if t.iter().all(|v| (*v - *eye).length_squared() > 16.0) && t[0].distance(t[1]) < 1.0 {
+                continue;
+            }
+            least = least.min(distance(*eye, *t));
+        }
+    }
+    assert!(longest < least, "steps of {longest} m, clearance {least} m");
+    least
+}
+
+#[test]
+fn the_orbits_cross_no_wall_and_hit_nothing() {
+    let (rooms, chains) = (
+        clearance(&builtin("rooms").unwrap(), 200),
+        clearance(&builtin("chains").unwrap(), 60),
+    );
+    println!("orbits keep {rooms:.2} m (rooms) and {chains:.2} m (chains)");
+    assert!(
+        rooms > 0.25 && chains > 0.5,
+        "rooms {rooms} m, chains {chains} m"
+    );
+}
