@@ -25,8 +25,10 @@ fn main() {
         args.get(1)
             .expect("measure SCENE [REFERENCE] [SPP] [SHADOW_RAYS]"),
     );
+    let defaults = ShadowRays::default();
     let shadows = ShadowRays {
-        max_rays: number(4, ShadowRays::default().max_rays),
+        max_rays: number(4, defaults.max_rays),
+        ..defaults
     };
 
     let start = Instant::now();
@@ -47,7 +49,7 @@ fn main() {
     for threads in [1, 2] {
         samples_a_second(&stage, &camera, &shadows, threads);
     }
-    noise(&stage, &camera, &shadows);
+    error_by_setting(&stage, &camera);
     if let Some(reference) = args.get(2) {
         let reference = picture::load_picture(Path::new(reference));
         let start = Instant::now();
@@ -190,35 +192,71 @@ fn samples_alone(stage: &Stage, camera: &Camera, shadows: &ShadowRays) {
     );
 }
 
-/// Spread of samples of the same points that differ in their random numbers alone, against their mean.
-fn noise(stage: &Stage, camera: &Camera, shadows: &ShadowRays) {
+/// Error of single samples against 32x32 strata without any shortcut, and its price, for several settings.
+fn error_by_setting(stage: &Stage, camera: &Camera) {
     let pinhole = Pinhole::new(camera);
-    let (mut noisy, mut points, mut relative, mut absolute) = (0, 0, 0., 0.);
-    for pixel in (0..picture::SIZE * picture::SIZE).step_by(37) {
-        let ray = pinhole.ray(&picture::request(pixel, 0, 1));
-        let (mut sum, mut squares) = (0f64, 0f64);
-        let runs = 24;
-        for seed in 0..runs {
-            let sample = Shader::new(stage, shadows, seed).shade(u64::from(pixel), &ray);
-            let value = f64::from(sample.radiance[1]);
-            sum += value;
-            squares += value * value;
-        }
-        let n = runs as f64;
-        let (mean, variance) = (sum / n, (squares - sum * sum / n) / (n - 1.));
-        points += 1;
-        if mean > 0. && variance > 1e-12 * mean * mean {
-            noisy += 1;
-            relative += variance / (mean * mean);
-            absolute += variance;
-        }
-    }
-    let share = f64::from(noisy) / f64::from(points);
-    let rms = |sum: f64| (sum / f64::from(noisy.max(1))).sqrt();
-    println!(
-        "noise: {:.1} % of points have any; there {:.2} % of the mean (rms), {:.4} in radiance (rms)",
-        100. * share,
-        100. * rms(relative),
-        rms(absolute)
+    let points: Vec<(u64, Ray)> = (0..picture::SIZE * picture::SIZE)
+        .step_by(37)
+        .map(|pixel| {
+            (
+                u64::from(pixel),
+                pinhole.ray(&picture::request(pixel, 0, 1)),
+            )
+        })
+        .collect();
+    let shade = |shadows: &ShadowRays, seed: u64| {
+        let mut shader = Shader::new(stage, shadows, seed);
+        let start = thread_seconds();
+        let values: Vec<f64> = points
+            .iter()
+            .map(|(id, ray)| f64::from(shader.shade(*id, ray).radiance[1]))
+            .collect();
+        let n = points.len() as f64;
+        (
+            values,
+            shader.rays() as f64 / n,
+            (thread_seconds() - start) / n * 1e6,
+        )
+    };
+    let (truth, ..) = shade(
+        &ShadowRays {
+            max_rays: 0,
+            strata: 32,
+        },
+        1000,
     );
+    let mean = truth.iter().sum::<f64>() / truth.len() as f64;
+    println!("strata, most rays: rays a sample, µs, rms error and bias in % of the picture's mean");
+    for (strata, max_rays) in [
+        (2, 256),
+        (3, 64),
+        (3, 256),
+        (4, 64),
+        (4, 128),
+        (4, 256),
+        (4, 1024),
+        (5, 256),
+        (6, 256),
+        (8, 256),
+        (16, 0),
+    ] {
+        let (mut squares, mut bias, mut cost) = (0., 0., (0., 0.));
+        let runs = 4;
+        for seed in 0..runs {
+            let (values, rays, time) = shade(&ShadowRays { max_rays, strata }, seed);
+            cost = (rays, time);
+            for (value, truth) in values.iter().zip(&truth) {
+                squares += (value - truth).powi(2);
+                bias += value - truth;
+            }
+        }
+        let n = runs as f64 * truth.len() as f64;
+        println!(
+            "{strata:3} {max_rays:5}: {:6.1} {:6.2} {:7.3} {:+.4}",
+            cost.0,
+            cost.1,
+            100. * (squares / n).sqrt() / mean,
+            100. * bias / n / mean
+        );
+    }
 }

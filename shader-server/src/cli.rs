@@ -12,7 +12,10 @@ use anyhow::{Context, bail};
 use clap::{Parser, ValueEnum};
 use tokio::net::TcpListener;
 
-use crate::server::{ServerConfig, run};
+use crate::{
+    server::{ServerConfig, run},
+    shadows::ShadowRays,
+};
 
 /// Exit code for what the user can mend.
 const USAGE: u8 = 2;
@@ -31,9 +34,13 @@ struct Args {
     #[arg(long, value_enum, default_value_t = ShadowMethod::Auto)]
     shadows: ShadowMethod,
     /// Most shadow rays a light and sample; fewer are used where light and shadow are clear
-    #[arg(long, value_name = "N", default_value_t = ServerConfig::default().shadow_rays,
-          value_parser = clap::value_parser!(u32).range(20..=65_536))]
+    #[arg(long, value_name = "N", default_value_t = ShadowRays::default().max_rays,
+          value_parser = clap::value_parser!(u32).range(1..=65_536))]
     shadow_rays: u32,
+    /// Strata a side that an area light is divided into at first: more find finer shadows, and cost a ray each
+    #[arg(long, value_name = "N", default_value_t = ShadowRays::default().strata,
+          value_parser = clap::value_parser!(u32).range(1..=32))]
+    light_strata: u32,
     /// Exit when standard input closes, as it does when the parent process ends
     #[arg(long)]
     parent_stdin: bool,
@@ -92,7 +99,10 @@ fn serve(args: &Args) -> anyhow::Result<()> {
     }
     let config = ServerConfig {
         threads: args.threads,
-        shadow_rays: args.shadow_rays,
+        shadows: ShadowRays {
+            max_rays: args.shadow_rays,
+            strata: args.light_strata,
+        },
         ..ServerConfig::default()
     };
     let runtime = tokio::runtime::Builder::new_multi_thread()
@@ -172,7 +182,7 @@ mod tests {
         for args in [
             ["s", "--threads", "0"],
             ["s", "--listen", "here"],
-            ["s", "--shadow-rays", "3"],
+            ["s", "--shadow-rays", "0"],
         ] {
             assert!(Args::try_parse_from(args).is_err(), "{args:?}");
         }

@@ -205,18 +205,6 @@ impl PolygonShape {
     }
 }
 
-/// Irradiance at `receiver` from a metre of a segment around `point`, for strength 1.
-#[must_use]
-pub fn segment_weight(receiver: &Receiver, point: DVec3) -> f64 {
-    let to = point - receiver.position;
-    let squared = to.length_squared();
-    if squared > 0. {
-        to.dot(receiver.normal).max(0.) / (squared * squared.sqrt())
-    } else {
-        0.
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use glam::dvec3;

@@ -27,8 +27,8 @@ const MAX_DISPLAYS: usize = 64;
 pub struct ServerConfig {
     /// Threads that trace rays; all of the machine's if not given.
     pub threads: Option<NonZeroUsize>,
-    /// Most shadow rays a light and sample.
-    pub shadow_rays: u32,
+    /// How shadow rays are spent.
+    pub shadows: ShadowRays,
     /// Requests that each display may have outstanding.
     pub credits: u32,
     /// Largest scene taken, encoded bytes.
@@ -39,7 +39,7 @@ impl Default for ServerConfig {
     fn default() -> Self {
         Self {
             threads: None,
-            shadow_rays: ShadowRays::default().max_rays,
+            shadows: ShadowRays::default(),
             credits: 1 << 16,
             max_scene_bytes: MAX_SCENE,
         }
@@ -74,9 +74,7 @@ impl Shared {
             .num_threads(threads)
             .thread_name(|index| format!("rays-{index}"))
             .build()?;
-        let visibility = Box::new(ShadowRays {
-            max_rays: config.shadow_rays,
-        });
+        let visibility = Box::new(config.shadows);
         Ok(Self {
             config,
             threads,

@@ -8,17 +8,19 @@ use crate::{
     stage::Stage,
 };
 
-use super::{Shadows, rays::sees};
+use super::{
+    Shadows,
+    rays::{ShadowRays, sees},
+};
 
-/// Strata a side at first, and at most.
-const COARSE: usize = 4;
-const FINEST: usize = 32;
+/// Strata a side at most.
+pub(super) const FINEST: usize = 32;
 
 /// Corners that are asked, at most about so many.
 const CORNERS: usize = 4;
 
 /// How far from a corner towards the middle its ray goes, since things may touch the light there.
-const INSET: f64 = 0.03;
+const INSET: f64 = 0.015;
 
 /// One bit a stratum, a word a row.
 type Bits = [u32; FINEST];
@@ -32,9 +34,20 @@ struct Level {
 }
 
 impl Level {
-    /// Strata that differ from a neighbour.
-    fn changes(&self) -> Bits {
+    /// Strata that differ from a neighbour, or from what lies beyond their side of the square.
+    fn changes(&self, beyond: &Beyond) -> Bits {
         let mut changes = [0; FINEST];
+        let last = self.size - 1;
+        let differs = |row: usize, from: Option<bool>, columns: u32| match from {
+            Some(true) => self.known[row] & !self.seen[row] & columns,
+            Some(false) => self.known[row] & self.seen[row] & columns,
+            None => 0,
+        };
+        changes[0] |= differs(0, beyond.bottom, u32::MAX);
+        changes[last] |= differs(last, beyond.top, u32::MAX);
+        for (row, changes) in changes[..self.size].iter_mut().enumerate() {
+            *changes |= differs(row, beyond.left, 1) | differs(row, beyond.right, 1 << last);
+        }
         for row in 0..self.size {
             let (seen, known) = (self.seen[row], self.known[row]);
             let right = (seen ^ (seen >> 1)) & known & (known >> 1);
@@ -46,6 +59,12 @@ impl Level {
             }
         }
         changes
+    }
+
+    fn disagrees_with(&self, corners: &[Option<bool>]) -> bool {
+        let any_seen = self.seen.iter().any(|row| *row != 0);
+        let any_blocked = (0..self.size).any(|row| self.known[row] & !self.seen[row] != 0);
+        corners.contains(&Some(true)) && any_blocked || corners.contains(&Some(false)) && any_seen
     }
 
     /// The next level, with `asked` to be asked again in quarters and all else as it is.
@@ -70,8 +89,24 @@ fn double(bits: u32) -> u32 {
     x | (x << 1)
 }
 
+/// A row of `size` strata.
+fn full(size: usize) -> u32 {
+    u32::MAX >> (FINEST - size)
+}
+
 fn count(bits: &Bits) -> u32 {
     bits.iter().map(|row| row.count_ones()).sum()
+}
+
+/// What the light's corners say of each side of the square: whether both its ends are seen, if they agree.
+///
+/// Shadows come in over the border, and one ray a stratum notices the first tenth of one too seldom.
+#[derive(Default)]
+struct Beyond {
+    bottom: Option<bool>,
+    right: Option<bool>,
+    top: Option<bool>,
+    left: Option<bool>,
 }
 
 /// What rays to a light found so far.
@@ -83,17 +118,19 @@ struct Probe<'a> {
 }
 
 impl Probe<'_> {
-    /// Weight of the light at `place` of the unit square, and whether it is seen; nothing if it gives no light.
-    fn at(&mut self, place: Vec2) -> Option<(f32, bool)> {
+    /// Weight of the stratum around `centre` and whether `place` in it is seen; nothing if that gives no light.
+    ///
+    /// The weight is the centre's, where that gives light: the estimate's noise is then that of visibility alone.
+    fn at(&mut self, place: Vec2, centre: Vec2) -> Option<(f32, bool)> {
+        let weight = |probe: &Self, point| probe.shape.weight(probe.receiver, point) as f32;
         let point = self.shape.at(place)?;
-        let weight = self.shape.weight(self.receiver, point) as f32;
-        (weight > 0.).then(|| {
-            let light = Some(self.shape.instance);
-            (
-                weight,
-                sees(self.stage, self.receiver, point, light, self.shadows),
-            )
-        })
+        let own = weight(self, point);
+        let middle = self
+            .shape
+            .at(centre)
+            .map_or(0., |point| weight(self, point));
+        let weight = if middle > 0. { middle } else { own };
+        (own > 0.).then(|| (weight, self.sees(point)))
     }
 
     /// Asks one ray of each stratum in `level.asked`; puts what they say into `level` and `answers`.
@@ -105,11 +142,12 @@ impl Probe<'_> {
                 let column = asked.trailing_zeros();
                 let bit = 1 << column;
                 asked ^= bit;
-                let place =
-                    (Vec2::new(column as f32, row as f32) + stream.square()) / level.size as f32;
+                let cell = Vec2::new(column as f32, row as f32);
+                let place = (cell + stream.square()) / level.size as f32;
+                let centre = (cell + 0.5) / level.size as f32;
                 level.known[row] &= !bit;
                 level.seen[row] &= !bit;
-                if let Some((weight, seen)) = self.at(place) {
+                if let Some((weight, seen)) = self.at(place, centre) {
                     level.known[row] |= bit;
                     level.seen[row] |= if seen { bit } else { 0 };
                     answers.push(Answer {
@@ -140,35 +178,36 @@ impl Probe<'_> {
         vertex.is_some_and(|vertex| self.sees(vertex))
     }
 
-    /// Whether rays to the light's corners say other than the strata: shadows come in over the border, and one ray a
-    /// stratum notices the first tenth of one too seldom.
-    fn corners_disagree(&mut self, level: &Level) -> bool {
-        let any_seen = level.seen.iter().any(|row| *row != 0);
-        let any_blocked = (0..COARSE).any(|row| level.known[row] & !level.seen[row] != 0);
+    /// Asks rays to corners of the light: what they say, in order, where it gives light.
+    fn corners(&mut self) -> Vec<Option<bool>> {
         let vertices = &self.shape.vertices;
         let middle = vertices.iter().sum::<DVec3>() / vertices.len().max(1) as f64;
         let step = vertices.len().div_ceil(CORNERS).max(1);
-        let mut disagree = false;
-        for vertex in vertices.iter().step_by(step) {
-            let corner = vertex.lerp(middle, INSET);
-            if self.shape.weight(self.receiver, corner) > 0. {
-                disagree |= if self.sees(corner) {
-                    any_blocked
-                } else {
-                    any_seen
-                };
-            }
-        }
-        disagree
+        let asked = vertices.iter().step_by(step).map(|v| v.lerp(middle, INSET));
+        asked
+            .map(|corner| {
+                let gives = self.shape.weight(self.receiver, corner) > 0.;
+                gives.then(|| self.sees(corner))
+            })
+            .collect()
     }
+}
 
-    /// Strata of the first level's `row` that may be on the light's border.
-    fn border(&self, row: usize) -> u32 {
-        let outer = row == 0 || row == COARSE - 1;
-        if outer || !self.shape.fills_square() {
-            (1 << COARSE) - 1
-        } else {
-            1 | (1 << (COARSE - 1))
+impl Beyond {
+    /// From the corners of a light that fills the square.
+    fn new(corners: &[Option<bool>]) -> Self {
+        let both = |i: usize, j: usize| {
+            let (a, b) = (
+                corners.get(i).copied().flatten(),
+                corners.get(j).copied().flatten(),
+            );
+            if a == b { a } else { None }
+        };
+        Self {
+            bottom: both(0, 1),
+            right: both(1, 2),
+            top: both(2, 3),
+            left: both(3, 0),
         }
     }
 }
@@ -183,14 +222,14 @@ struct Answer {
 
 /// Share of the polygon's unoccluded irradiance that reaches `receiver`.
 ///
-/// Sixteen strata and the corners are asked first. If all agree that is the answer; else strata that differ from a neighbour
-/// are divided in four and asked afresh, as long as `max_rays` lasts. Fresh rays keep each divided stratum
+/// The first strata and the corners are asked first. If all agree that is the answer; else strata that differ from a neighbour
+/// are divided in four and asked afresh, as long as the rays allowed last. Fresh rays keep each divided stratum
 /// unbiased; the error is that of strata of the finest size along the shadow's outline, at the cost of that outline alone.
 pub(super) fn fraction(
     stage: &Stage,
     receiver: &Receiver,
     shape: &PolygonShape,
-    max_rays: u32,
+    method: &ShadowRays,
     stream: &mut Stream,
     shadows: &mut Shadows,
 ) -> f32 {
@@ -202,27 +241,33 @@ pub(super) fn fraction(
         shadows,
     };
     let mut asked = [0; FINEST];
-    asked[..COARSE].fill((1 << COARSE) - 1);
+    let size = (method.strata as usize).clamp(1, FINEST);
+    asked[..size].fill(full(size));
     let mut level = Level {
-        size: COARSE,
+        size,
         asked,
         seen: [0; FINEST],
         known: [0; FINEST],
     };
     let mut answers = Vec::with_capacity(64);
     probe.ask(&mut level, stream, &mut answers);
-    let mut divide = level.changes();
-    if probe.corners_disagree(&level) {
-        for (row, bits) in divide[..COARSE].iter_mut().enumerate() {
-            *bits |= probe.border(row);
-        }
+    let corners = probe.corners();
+    let beyond = if shape.fills_square() {
+        Beyond::new(&corners)
+    } else {
+        Beyond::default()
+    };
+    let mut divide = level.changes(&beyond);
+    if !shape.fills_square() && level.disagrees_with(&corners) {
+        // Nothing tells which strata are near those corners.
+        divide[..size].fill(full(size));
     }
 
     let (mut lit, mut all) = (0., 0.);
     loop {
         let mut again: Bits = std::array::from_fn(|row| divide[row] & level.asked[row]);
         let spent = (probe.shadows.rays - before) as u32;
-        if level.size == FINEST || spent + 4 * count(&again) > max_rays {
+        if 2 * level.size > FINEST || spent + 4 * count(&again) > method.max_rays {
             again = [0; FINEST];
         }
         let area = 1. / (level.size * level.size) as f32;
@@ -242,7 +287,7 @@ pub(super) fn fraction(
         }
         level = level.divide(&again);
         probe.ask(&mut level, stream, &mut answers);
-        divide = level.changes();
+        divide = level.changes(&beyond);
     }
     if all > 0. {
         lit / all

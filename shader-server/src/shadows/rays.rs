@@ -4,7 +4,7 @@ use glam::DVec3;
 use rays::Ray;
 
 use crate::{
-    lights::{Emitter, Receiver, Shape, segment, segment_weight},
+    lights::{Emitter, Receiver, Shape, segment},
     random::Stream,
     stage::Stage,
 };
@@ -19,15 +19,20 @@ const STOP_SHORT: f32 = 1e-5;
 /// Light and dark are told apart by a first set of rays; only where they disagree is the light divided further, around
 /// the places where they do. The estimate is the ratio of what is seen to what was asked for, both weighted by the
 /// integrand, so that full light and full shadow have no noise.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ShadowRays {
-    /// Most rays a light and sample; at least 20 are used for an area light.
+    /// Most rays a light and sample, but for the first ones.
     pub max_rays: u32,
+    /// Strata a side that an area light is divided into at first, at most 32; each gets a ray, and so do the corners.
+    pub strata: u32,
 }
 
 impl Default for ShadowRays {
     fn default() -> Self {
-        Self { max_rays: 256 }
+        Self {
+            max_rays: 256,
+            strata: 3,
+        }
     }
 }
 
@@ -47,9 +52,7 @@ impl Visibility for ShadowRays {
             Shape::Segment(from, to) => {
                 segment_fraction(stage, receiver, [*from, *to], stream, shadows)
             }
-            Shape::Polygon(shape) => {
-                area::fraction(stage, receiver, shape, self.max_rays, stream, shadows)
-            }
+            Shape::Polygon(shape) => area::fraction(stage, receiver, shape, self, stream, shadows),
         }
     }
 }
@@ -103,49 +106,59 @@ fn segment_fraction(
     let Some((from, to)) = segment::above_horizon(from, to, normal) else {
         return 0.;
     };
-    let at = |s: f64| receiver.position + from.lerp(to, s);
+    let from_receiver = |s: f64| from.lerp(to, s);
     let probe = |s: f64, shadows: &mut Shadows| {
-        let weight = segment_weight(receiver, at(s));
-        (weight, sees(stage, receiver, at(s), None, shadows))
+        sees(
+            stage,
+            receiver,
+            receiver.position + from_receiver(s),
+            None,
+            shadows,
+        )
     };
-    // Pieces as (start, length, weight, seen), and the ends as neighbours of the first and the last.
+    // Pieces as (start, length, seen); the ends are neighbours of the first and the last.
     let inset = 1. / 256.;
-    let ends_seen = [probe(inset, shadows).1, probe(1. - inset, shadows).1];
-    let mut pieces = Vec::with_capacity(4 * PIECES);
-    for i in 0..PIECES {
-        let (start, length) = (i as f64 / PIECES as f64, 1. / PIECES as f64);
-        let (weight, seen) = probe(start + length * f64::from(stream.unit()), shadows);
-        pieces.push((start, length, weight, seen));
-    }
-    let mut halves = Vec::with_capacity(4 * PIECES);
+    let ends = [probe(inset, shadows), probe(1. - inset, shadows)];
+    let ask = |start: f64, length: f64, stream: &mut Stream, shadows: &mut Shadows| {
+        (
+            start,
+            length,
+            probe(start + length * f64::from(stream.unit()), shadows),
+        )
+    };
+    let length = 1. / PIECES as f64;
+    let mut pieces: Vec<(f64, f64, bool)> = (0..PIECES)
+        .map(|i| ask(i as f64 * length, length, stream, shadows))
+        .collect();
     for _ in 0..HALVINGS {
-        halves.clear();
-        for (i, &(start, length, weight, seen)) in pieces.iter().enumerate() {
-            let before = if i == 0 {
-                ends_seen[0]
-            } else {
-                pieces[i - 1].3
-            };
-            let after = pieces.get(i + 1).map_or(ends_seen[1], |piece| piece.3);
+        let mut halves = Vec::with_capacity(pieces.len() + 4);
+        for (i, &(start, length, seen)) in pieces.iter().enumerate() {
+            let before = if i == 0 { ends[0] } else { pieces[i - 1].2 };
+            let after = pieces.get(i + 1).map_or(ends[1], |piece| piece.2);
             if seen == before && seen == after {
-                halves.push((start, length, weight, seen));
-                continue;
-            }
-            for start in [start, start + 0.5 * length] {
-                let length = 0.5 * length;
-                let (weight, seen) = probe(start + length * f64::from(stream.unit()), shadows);
-                halves.push((start, length, weight, seen));
+                halves.push((start, length, seen));
+            } else {
+                let half = 0.5 * length;
+                halves.push(ask(start, half, stream, shadows));
+                halves.push(ask(start + half, half, stream, shadows));
             }
         }
-        if halves.len() == pieces.len() {
+        let done = halves.len() == pieces.len();
+        pieces = halves;
+        if done {
             break;
         }
-        std::mem::swap(&mut pieces, &mut halves);
     }
+    if pieces.iter().all(|piece| piece.2 == pieces[0].2) {
+        return f32::from(u8::from(pieces[0].2));
+    }
+    // Every piece weighs what it gives, in closed form: no noise but visibility's.
     let (mut lit, mut all) = (0., 0.);
-    for &(_, length, weight, seen) in &pieces {
-        all += length * weight;
-        lit += if seen { length * weight } else { 0. };
+    for (start, length, seen) in pieces {
+        let [a, b] = [from_receiver(start), from_receiver(start + length)];
+        let weight = segment::irradiance(a, b, normal);
+        all += weight;
+        lit += if seen { weight } else { 0. };
     }
     if all > 0. { (lit / all) as f32 } else { 0. }
 }

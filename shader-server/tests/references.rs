@@ -1,0 +1,40 @@
+//! Against the pictures of an independent renderer, where they are at hand.
+
+#[path = "common/picture.rs"]
+mod picture;
+
+use std::sync::Arc;
+
+use shader_server::{Stage, shadows::ShadowRays};
+
+/// Renders `folder`'s scene and compares it; the picture and the blocks must agree to these shares of the mean.
+fn compare(folder: &str, scene: &str, reference: &str, spp: u32, mean: f64, block_rms: f64) {
+    let Some(shared) = picture::shared() else {
+        println!("skipped: no reference pictures (looked for ../shared and EDGE_POINT_SHARED)");
+        return;
+    };
+    let folder = shared.join("references").join(folder);
+    let loaded = picture::load(&folder.join(scene));
+    let camera = picture::camera(&loaded.camera);
+    let stage = Stage::build(Arc::new(loaded.scene)).expect("the scene is sound");
+    let ours = picture::render(&stage, &camera, spp, &ShadowRays::default());
+    let difference = picture::difference(&ours, &picture::load_picture(&folder.join(reference)));
+    println!("{}: {difference:#?}", folder.display());
+    assert!(difference.relative_mean.abs() < mean, "{difference:?}");
+    assert!(difference.rms_block < block_rms, "{difference:?}");
+}
+
+#[test]
+fn chains_agree() {
+    compare("chains", "chains.toml", "ref.exr", 1, 0.002, 0.012);
+}
+
+#[test]
+fn rooms_agree() {
+    compare("rooms", "rooms.toml", "ref_direct.exr", 1, 0.003, 0.02);
+}
+
+#[test]
+fn the_dragon_agrees() {
+    compare("dragon", "dragon.toml", "ref.exr", 1, 0.005, 0.03);
+}
