@@ -107,8 +107,13 @@ impl Projector {
 
 /// Rounds pixels to the grid. What rounding errors left outside of the guard band goes to its rim.
 fn fixed(px: f64, guard: f64) -> i64 {
+    round(px.clamp(-2.0 * guard, 2.0 * guard) * SUBPIXELS as f64)
+}
+
+/// To the nearest integer, for sizes up to 2⁴⁰.
+#[inline]
+pub(super) fn round(x: f64) -> i64 {
     // Moved to where truncation rounds down: `f64::round` is a call on plain x86-64.
     const SHIFT: i64 = 1 << 40;
-    let px = px.clamp(-2.0 * guard, 2.0 * guard);
-    (px * SUBPIXELS as f64 + (SHIFT as f64 + 0.5)) as i64 - SHIFT
+    (x + (SHIFT as f64 + 0.5)) as i64 - SHIFT
 }

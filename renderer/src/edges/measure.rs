@@ -8,11 +8,16 @@ use protocol::messages::Camera;
 use scenes::{CameraSpec, LoadedScene};
 
 use super::adjacency::{Adjacency, EyeBox};
+use super::by_rays::RaySettings;
 use super::crossings::Crossings;
+use super::depth::{DepthBuffer, DepthOffset};
 use super::finder::EdgeFinder;
 use super::list::EdgeList;
 use super::raster::draw_all;
 use super::tree::{EdgeKind, EdgeTree, FindOptions, TreeScratch};
+use super::truth::Truth;
+use super::visibility::{EdgeDrawer, Hiding};
+use super::world::world_of;
 use crate::camera::View;
 
 /// A scene beside the checkout, or nothing, said aloud.
@@ -189,4 +194,67 @@ fn short_segments() {
         });
         println!("150,000 segments of about 1.5 px, half lines {half}: {ms:.3} ms");
     }
+}
+
+#[test]
+#[ignore = "a measurement"]
+fn precision_and_recall() {
+    for path in ["references/chains/chains.toml", "references/rooms/rooms.toml"] {
+        let Some(loaded) = shared(path) else { continue };
+        let view = view(&loaded.camera, 512);
+        let world = world_of(&loaded.scene);
+        let truth = Truth::new(&loaded.scene, &world, &view, 8, 0.002);
+        let mut finder = EdgeFinder::new(&loaded.scene);
+        let mut edges = EdgeList::default();
+        finder.find(&view, &mut edges);
+        let mut crossings = Crossings::new(512, 512);
+        let mut score = |name: &str, hiding: Hiding<'_>| {
+            let mut drawer = EdgeDrawer::default();
+            let ms = best_ms(11, || {
+                edges.generation += 1;
+                drawer.draw(&view, &edges, hiding, true, &mut crossings);
+            });
+            let score = truth.score(&crossings);
+            println!(
+                "{path} {name}: recall {:.4}, precision {:.4}, {ms:.3} ms, {} rays, {score:?}",
+                score.recall(),
+                score.precision(),
+                drawer.rays(),
+            );
+        };
+        score("all", Hiding::None);
+        for spacing_px in [1.0, 2.0, 3.0, 4.0, 6.0, 8.0] {
+            let settings = RaySettings { spacing_px, ..RaySettings::default() };
+            score(&format!("spacing {spacing_px}"), Hiding::Rays(&world, settings));
+        }
+        for tolerance in [1e-6, 1e-5, 1e-4, 3e-4, 1e-3] {
+            let settings = RaySettings { tolerance, ..RaySettings::default() };
+            score(&format!("tolerance {tolerance}"), Hiding::Rays(&world, settings));
+        }
+        for share in [0.02, 0.1, 0.3, 1.0] {
+            let buffer = sparse_depth(&view, &world, share);
+            for (dense, sparse) in [(0.002, 0.01), (0.005, 0.03), (0.02, 0.1)] {
+                let offset = DepthOffset { dense, sparse };
+                score(&format!("points {share}, {offset:?}"), Hiding::Points(&buffer, offset));
+            }
+        }
+    }
+}
+
+/// Depth at the middle of a share of the pixels.
+fn sparse_depth(view: &View, world: &rays::World, share: f32) -> DepthBuffer {
+    let (width, height) = (view.width as usize, view.height as usize);
+    let mut state = 1_u32;
+    let depth = (0..width * height)
+        .map(|i| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            if (state >> 8) as f32 / (1 << 24) as f32 >= share {
+                return f32::INFINITY;
+            }
+            let direction = view.direction((i % width) as f32 + 0.5, (i / width) as f32 + 0.5);
+            let ray = rays::Ray { origin: view.eye, direction };
+            world.closest(&ray, f32::INFINITY).map_or(1e30, |hit| hit.t)
+        })
+        .collect();
+    DepthBuffer { width, height, depth }
 }

@@ -4,15 +4,21 @@
 //! [`raster`] draws the list into [`Crossings`](crossings::Crossings).
 
 pub mod adjacency;
+pub mod by_rays;
+mod chain;
 pub mod clip;
 pub mod crossings;
+pub mod depth;
 pub mod finder;
 pub mod list;
 mod orient;
 pub mod raster;
 pub mod tree;
 mod tree_build;
+pub mod visibility;
+pub mod visible;
 pub mod weld;
+pub mod world;
 
 #[cfg(test)]
 mod measure;
@@ -22,3 +28,5 @@ mod raster_tests;
 mod test_meshes;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod truth;

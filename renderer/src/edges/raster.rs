@@ -5,7 +5,7 @@
 //! share an end neither leave a gap nor count twice, and one that passes through a pixel crosses its boundary exactly
 //! twice.
 
-use super::clip::{ImageSegment, Projector, SUBPIXELS};
+use super::clip::{ImageSegment, Projector, SUBPIXELS, round};
 use super::crossings::Crossings;
 use super::list::EdgeList;
 use crate::camera::View;
@@ -30,57 +30,74 @@ pub struct Crossing {
 #[inline]
 pub fn crossings_of(
     ends: [[i64; 2]; 2],
+    size: [i64; 2],
+    half: bool,
+    each: impl FnMut(Crossing),
+) {
+    crossings_within(ends, ends, size, half, each);
+}
+
+/// Like [`crossings_of`], of the part of the segment between two points on it.
+#[inline]
+pub fn crossings_within(
+    ends: [[i64; 2]; 2],
+    part: [[i64; 2]; 2],
     [width, height]: [i64; 2],
     half: bool,
     mut each: impl FnMut(Crossing),
 ) {
     let [[x0, y0], [x1, y1]] = ends;
-    cross_lines([y0, x0], [y1, x1], height, half, false, |line, eighth| {
+    let [[px0, py0], [px1, py1]] = part;
+    let rows = Lines { from: py0.min(py1), to: py0.max(py1), size: height, half };
+    rows.cross([y0, x0], [y1, x1], false, |line, eighth| {
         if eighth >= 0 && eighth < width * EIGHTHS {
-            each(Crossing {
-                horizontal: true,
-                line,
-                eighth,
-            });
+            each(Crossing { horizontal: true, line, eighth });
         }
     });
-    cross_lines([x0, y0], [x1, y1], width, half, true, |line, eighth| {
+    let columns = Lines { from: px0.min(px1), to: px0.max(px1), size: width, half };
+    columns.cross([x0, y0], [x1, y1], true, |line, eighth| {
         if eighth >= 0 && eighth < height * EIGHTHS {
-            each(Crossing {
-                horizontal: false,
-                line,
-                eighth,
-            });
+            each(Crossing { horizontal: false, line, eighth });
         }
     });
 }
 
-/// Crossings with the lines `u = line`. Points are (u, v); `low_ties` says that where `v` grows with `u`, the segment
-/// passes an exact multiple of an eighth just below it.
-#[inline]
-fn cross_lines(
-    mut from: [i64; 2],
-    mut to: [i64; 2],
+/// Parallel lines of the grid.
+struct Lines {
+    /// Those past this coordinate...
+    from: i64,
+    /// ...up to this one, inclusive.
+    to: i64,
+    /// Greatest coordinate, px.
     size: i64,
+    /// Those through the middle of pixels too.
     half: bool,
-    low_ties: bool,
-    mut each: impl FnMut(i64, i64),
-) {
-    if from[0] > to[0] {
-        std::mem::swap(&mut from, &mut to);
-    }
-    // Lines are numbered by twice their coordinate. Those in (from, to] are crossed: an end on a line lies beyond it.
-    let unit = SUBPIXELS / 2;
-    let step = if half { 1 } else { 2 };
-    let shift = unit.trailing_zeros();
-    let mut first = ((from[0] >> shift) + 1).max(0);
-    let last = (to[0] >> shift).min(2 * size);
-    if !half {
-        first += first & 1;
-    }
-    if first > last {
-        return;
-    }
+}
+
+impl Lines {
+    /// Crossings with the lines `u = line`. Points are (u, v); `low_ties` says that where `v` grows with `u`, the
+    /// segment passes an exact multiple of an eighth just below it.
+    #[inline]
+    fn cross(
+        &self,
+        mut from: [i64; 2],
+        mut to: [i64; 2],
+        low_ties: bool,
+        mut each: impl FnMut(i64, i64),
+    ) {
+        // Lines are numbered by twice their coordinate. Those in (from, to] are crossed: an end on a line lies beyond it.
+        let unit = SUBPIXELS / 2;
+        let shift = unit.trailing_zeros();
+        let step = if self.half { 1 } else { 2 };
+        let mut first = ((self.from >> shift) + 1).max(0);
+        let last = (self.to >> shift).min(2 * self.size);
+        first += first & (step - 1);
+        if first > last {
+            return;
+        }
+        if from[0] > to[0] {
+            std::mem::swap(&mut from, &mut to);
+        }
     let (du, dv) = (to[0] - from[0], to[1] - from[1]);
     // v = from.v + dv (line - from.u) / du, in eighths: floor(numerator / denominator).
     let denominator = du * (SUBPIXELS / EIGHTHS);
@@ -111,6 +128,7 @@ fn cross_lines(
         line += step;
     }
 }
+}
 
 impl Crossings {
     /// Records a crossing; its coordinates must lie within the picture.
@@ -133,6 +151,17 @@ impl Crossings {
     pub fn draw(&mut self, segment: &ImageSegment, half: bool) {
         let size = [self.width as i64, self.height as i64];
         crossings_of(segment.ends, size, half, |crossing| self.record(crossing));
+    }
+
+    /// Like [`draw`](Self::draw), of a part of the segment, 0..1 in image space: exactly those of the whole one's
+    /// crossings that lie within it.
+    pub fn draw_part(&mut self, segment: &ImageSegment, range: [f64; 2], half: bool) {
+        let size = [self.width as i64, self.height as i64];
+        let [a, b] = segment.ends;
+        let part = range.map(|share| {
+            [0, 1].map(|k| a[k] + round((b[k] - a[k]) as f64 * share))
+        });
+        crossings_within(segment.ends, part, size, half, |crossing| self.record(crossing));
     }
 }
 

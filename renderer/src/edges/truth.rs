@@ -1,0 +1,165 @@
+//! Precision and recall of drawn edges against dense ray casting.
+
+use glam::Vec3;
+use protocol::scene::Scene;
+use rays::{Hit, Ray, World};
+
+use super::adjacency::Adjacency;
+use super::crossings::Crossings;
+use crate::camera::View;
+
+/// What a point of a picture shows.
+#[derive(Clone, Copy)]
+struct Seen {
+    hit: Hit,
+    /// Direction with depth 1, so that the hit's distance is its depth.
+    direction: Vec3,
+    normal: Vec3,
+    part: u32,
+}
+
+/// What lies between two neighbouring points.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Step {
+    Nothing,
+    /// Surfaces that meet without a step in depth and are no neighbours in a mesh.
+    Meeting,
+    /// A step in depth.
+    Depth,
+}
+
+/// Counts of eighths of pixel boundaries.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Score {
+    /// Steps in depth.
+    pub(super) steps: usize,
+    /// Those of them with a crossing within an eighth.
+    pub(super) steps_drawn: usize,
+    /// Crossings drawn.
+    pub(super) drawn: usize,
+    /// Those of them with a step or a meeting within an eighth.
+    pub(super) drawn_true: usize,
+}
+
+impl Score {
+    pub(super) fn recall(&self) -> f64 {
+        self.steps_drawn as f64 / self.steps.max(1) as f64
+    }
+
+    pub(super) fn precision(&self) -> f64 {
+        self.drawn_true as f64 / self.drawn.max(1) as f64
+    }
+}
+
+/// What the pixel boundaries of a picture really separate; every `stride`-th line only.
+pub(super) struct Truth {
+    width: usize,
+    height: usize,
+    stride: usize,
+    /// Eighths along every line, first horizontal lines.
+    rows: Vec<Vec<Step>>,
+    columns: Vec<Vec<Step>>,
+}
+
+impl Truth {
+    /// Steps in depth count from this share of the depth on.
+    pub(super) fn new(scene: &Scene, world: &World, view: &View, stride: usize, step: f32) -> Self {
+        let (width, height) = (view.width as usize, view.height as usize);
+        let parts: Vec<Vec<u32>> = scene.meshes.iter().map(smooth_parts).collect();
+        let see = |x: f32, y: f32| see(scene, world, view, &parts, x, y);
+        let line = |count: usize, at: &dyn Fn(f32) -> Option<Seen>| -> Vec<Step> {
+            let seen: Vec<_> = (0..=8 * count).map(|k| at(k as f32 / 8.0)).collect();
+            seen.windows(2).map(|w| between(view, w[0], w[1], step)).collect()
+        };
+        let rows =
+            (stride..height).step_by(stride).map(|y| line(width, &|x| see(x, y as f32))).collect();
+        let columns =
+            (stride..width).step_by(stride).map(|x| line(height, &|y| see(x as f32, y))).collect();
+        Self { width, height, stride, rows, columns }
+    }
+
+    pub(super) fn score(&self, crossings: &Crossings) -> Score {
+        let mut score = Score::default();
+        for (i, steps) in self.rows.iter().enumerate() {
+            let y = (i + 1) * self.stride;
+            score.add(steps, |k| crossings.horizontal[y * self.width + k / 8] >> (k % 8) & 1 == 1);
+        }
+        for (i, steps) in self.columns.iter().enumerate() {
+            let x = (i + 1) * self.stride;
+            score.add(steps, |k| crossings.vertical[k / 8 * (self.width + 1) + x] >> (k % 8) & 1 == 1);
+        }
+        assert!(self.columns.iter().all(|c| c.len() == 8 * self.height));
+        score
+    }
+}
+
+impl Score {
+    fn add(&mut self, steps: &[Step], drawn: impl Fn(usize) -> bool) {
+        let near = |k: usize| k.saturating_sub(1)..(k + 2).min(steps.len());
+        for k in 0..steps.len() {
+            if steps[k] == Step::Depth {
+                self.steps += 1;
+                self.steps_drawn += usize::from(near(k).any(&drawn));
+            }
+            if drawn(k) {
+                self.drawn += 1;
+                self.drawn_true += usize::from(near(k).any(|j| steps[j] != Step::Nothing));
+            }
+        }
+    }
+}
+
+fn see(scene: &Scene, world: &World, view: &View, parts: &[Vec<u32>], x: f32, y: f32) -> Option<Seen> {
+    let direction = view.direction(x, y);
+    let hit = world.closest(&Ray { origin: view.eye, direction }, f32::INFINITY)?;
+    let Some(object) = scene.objects.get(hit.instance as usize) else {
+        return Some(Seen { hit, direction, normal: Vec3::ZERO, part: u32::MAX });
+    };
+    let mesh = &scene.meshes[object.mesh as usize];
+    let [a, b, c] = mesh.faces[hit.face as usize].map(|v| {
+        super::world::affine(&object.transform).transform_point3(mesh.positions[v as usize].into())
+    });
+    let normal = (b - a).cross(c - a).normalize();
+    Some(Seen { hit, direction, normal, part: parts[object.mesh as usize][hit.face as usize] })
+}
+
+fn between(view: &View, a: Option<Seen>, b: Option<Seen>, step: f32) -> Step {
+    let (a, b) = match (a, b) {
+        (None, None) => return Step::Nothing,
+        (Some(a), Some(b)) => (a, b),
+        _ => return Step::Depth,
+    };
+    // How far the plane of the one is from the other, along the line of sight.
+    let off = |a: &Seen, b: &Seen| {
+        let at = a.normal.dot(a.direction * a.hit.t) / a.normal.dot(b.direction);
+        (at - b.hit.t).abs() / b.hit.t
+    };
+    let same_object = a.hit.instance == b.hit.instance;
+    let light = a.part == u32::MAX || b.part == u32::MAX;
+    if (light && !same_object) || (!light && !(off(&a, &b).min(off(&b, &a)) <= step)) {
+        return Step::Depth;
+    }
+    debug_assert!(view.width > 0);
+    if same_object && a.part == b.part { Step::Nothing } else { Step::Meeting }
+}
+
+/// The number of the connected surface of every face.
+fn smooth_parts(mesh: &protocol::scene::Mesh) -> Vec<u32> {
+    let adjacency = Adjacency::new(mesh);
+    let mut part: Vec<u32> = (0..mesh.faces.len() as u32).collect();
+    fn root(part: &mut [u32], mut f: u32) -> u32 {
+        while part[f as usize] != f {
+            part[f as usize] = part[part[f as usize] as usize];
+            f = part[f as usize];
+        }
+        f
+    }
+    for edge in 0..adjacency.edges.len() {
+        let faces = adjacency.faces(edge);
+        if let [a, b] = *faces {
+            let (a, b) = (root(&mut part, a), root(&mut part, b));
+            part[a as usize] = b;
+        }
+    }
+    (0..mesh.faces.len() as u32).map(|f| root(&mut part, f)).collect()
+}
