@@ -1,6 +1,5 @@
 //! The display's program.
 
-use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 
@@ -68,13 +67,8 @@ fn render(args: &RenderArgs) -> Result<()> {
     Ok(())
 }
 
-/// A file if there is one of that name, else a scene that the program brings.
 fn open(name: &str) -> Result<LoadedScene> {
-    let path = Path::new(name);
-    if path.extension().is_none() && !path.exists() {
-        anyhow::bail!("no such file, and no built-in scene: {name}");
-    }
-    let scene = scenes::load(path)?;
+    let scene = scenes::open(name)?;
     if !scene.report.is_clean() {
         tracing::warn!("{name}: {}", scene.report);
     }

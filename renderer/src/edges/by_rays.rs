@@ -25,7 +25,11 @@ pub struct RaySettings {
 
 impl Default for RaySettings {
     fn default() -> Self {
-        Self { spacing_px: 4.0, precision_px: 0.25, tolerance: 1e-5 }
+        Self {
+            spacing_px: 4.0,
+            precision_px: 0.25,
+            tolerance: 1e-5,
+        }
     }
 }
 
@@ -66,7 +70,9 @@ impl RayScratch {
         self.pieces.clear();
         self.joints.clear();
         for (edge, segment) in segments {
-            let Some(range) = in_picture(&segment, view) else { continue };
+            let Some(range) = in_picture(&segment, view) else {
+                continue;
+            };
             let whole = range == [0.0, 1.0] && segment.along == [0.0, 1.0];
             let [a, b] = segment.ends;
             let length = ((b[0] - a[0]) as f32).hypot((b[1] - a[1]) as f32) / SUBPIXELS as f32;
@@ -76,10 +82,21 @@ impl RayScratch {
                 free: whole,
             });
             let length_px = length * (range[1] - range[0]) as f32;
-            self.pieces.push(Piece { edge, segment, range, length_px });
+            self.pieces.push(Piece {
+                edge,
+                segment,
+                range,
+                length_px,
+            });
         }
         self.chains.join(&self.joints);
-        let mut eye = Eye { view, edges, world, settings, rays: 0 };
+        let mut eye = Eye {
+            view,
+            edges,
+            world,
+            settings,
+            rays: 0,
+        };
         for chain in self.chains.iter() {
             self.reach.clear();
             let mut length = 0.0;
@@ -87,7 +104,11 @@ impl RayScratch {
                 length += self.pieces[link.edge as usize].length_px;
                 self.reach.push(length);
             }
-            let walk = Walk { chain, pieces: &self.pieces, reach: &self.reach };
+            let walk = Walk {
+                chain,
+                pieces: &self.pieces,
+                reach: &self.reach,
+            };
             let first = walk.changes(&mut self.cuts, &mut eye);
             walk.emit(first, &self.cuts, out);
         }
@@ -127,7 +148,10 @@ struct Walk<'a> {
 impl Walk<'_> {
     /// Whether the point at this distance can be seen.
     fn sees(&self, at_px: f32, eye: &mut Eye<'_>) -> bool {
-        let index = self.reach.partition_point(|r| *r < at_px).min(self.chain.len() - 1);
+        let index = self
+            .reach
+            .partition_point(|r| *r < at_px)
+            .min(self.chain.len() - 1);
         let link = self.chain[index];
         let piece = &self.pieces[link.edge as usize];
         let left = if piece.length_px > 0.0 {
@@ -136,7 +160,10 @@ impl Walk<'_> {
             0.5
         };
         let share = f64::from(if link.reversed { left } else { 1.0 - left });
-        eye.sees(piece, piece.range[0] + share * (piece.range[1] - piece.range[0]))
+        eye.sees(
+            piece,
+            piece.range[0] + share * (piece.range[1] - piece.range[0]),
+        )
     }
 
     /// Finds the distances at which visibility changes; returns whether the start can be seen.
@@ -179,9 +206,15 @@ impl Walk<'_> {
             let mut from = 0.0;
             loop {
                 let cut = cuts.next_if(|c| c <= end);
-                let to = cut.map_or(1.0, |c| f64::from((c - start) / piece.length_px).clamp(from, 1.0));
+                let to = cut.map_or(1.0, |c| {
+                    f64::from((c - start) / piece.length_px).clamp(from, 1.0)
+                });
                 if state && (from < to || piece.length_px == 0.0) {
-                    out.push(piece.edge, piece.segment, piece.part(from, to, link.reversed));
+                    out.push(
+                        piece.edge,
+                        piece.segment,
+                        piece.part(from, to, link.reversed),
+                    );
                 }
                 from = to;
                 match cut {
@@ -197,9 +230,19 @@ impl Walk<'_> {
 impl Piece {
     /// A part of the piece, given along the chain, as a range of the segment.
     fn part(&self, from: f64, to: f64, reversed: bool) -> [f64; 2] {
-        let (from, to) = if reversed { (1.0 - to, 1.0 - from) } else { (from, to) };
+        let (from, to) = if reversed {
+            (1.0 - to, 1.0 - from)
+        } else {
+            (from, to)
+        };
         let [low, high] = self.range;
-        let at = |share: f64| if share == 1.0 { high } else { low + share * (high - low) };
+        let at = |share: f64| {
+            if share == 1.0 {
+                high
+            } else {
+                low + share * (high - low)
+            }
+        };
         [at(from), at(to)]
     }
 }
@@ -222,7 +265,10 @@ impl Eye<'_> {
         let [i0, i1] = segment.inverse_depth;
         let within = share * i1 / ((1.0 - share) * i0 + share * i1);
         let along = (segment.along[0] + within * (segment.along[1] - segment.along[0])) as f32;
-        let (a, b) = (Vec3::from(self.edges.from[edge]), Vec3::from(self.edges.to[edge]));
+        let (a, b) = (
+            Vec3::from(self.edges.from[edge]),
+            Vec3::from(self.edges.to[edge]),
+        );
         let p = a + (b - a) * along;
         let view = self.view;
         let ray = Ray {

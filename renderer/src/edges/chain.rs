@@ -58,7 +58,9 @@ impl Chains {
 
     /// The chains.
     pub(super) fn iter(&self) -> impl Iterator<Item = &[Link]> {
-        self.starts.windows(2).map(|w| &self.links[w[0] as usize..w[1] as usize])
+        self.starts
+            .windows(2)
+            .map(|w| &self.links[w[0] as usize..w[1] as usize])
     }
 
     fn join_object(&mut self, edges: &[Joint], range: std::ops::Range<usize>) {
@@ -76,8 +78,15 @@ impl Chains {
             if self.visited[i] {
                 continue;
             }
-            let first = Link { edge: i as u32, reversed: false };
-            let link = if edges[i].free { self.first_of(edges, first) } else { first };
+            let first = Link {
+                edge: i as u32,
+                reversed: false,
+            };
+            let link = if edges[i].free {
+                self.first_of(edges, first)
+            } else {
+                first
+            };
             self.starts.push(self.links.len() as u32);
             self.walk(edges, link);
         }
@@ -90,7 +99,11 @@ impl Chains {
         }
         let meeting = &mut self.table[vertex];
         if meeting.stamp != self.stamp {
-            *meeting = Meeting { stamp: self.stamp, count: 0, edges: [NONE; 2] };
+            *meeting = Meeting {
+                stamp: self.stamp,
+                count: 0,
+                edges: [NONE; 2],
+            };
         }
         if let Some(slot) = meeting.edges.get_mut(meeting.count as usize) {
             *slot = edge;
@@ -102,7 +115,10 @@ impl Chains {
     fn next(&self, edges: &[Joint], link: Link) -> Option<Link> {
         let joint = &edges[link.edge as usize];
         let end = joint.vertices[usize::from(!link.reversed)];
-        let meeting = self.table.get(end as usize).filter(|m| joint.free && m.stamp == self.stamp)?;
+        let meeting = self
+            .table
+            .get(end as usize)
+            .filter(|m| joint.free && m.stamp == self.stamp)?;
         if meeting.count != 2 || meeting.edges[0] == meeting.edges[1] {
             return None;
         }
@@ -113,14 +129,20 @@ impl Chains {
 
     /// Goes back to where the chain of an edge begins; round a loop, to the edge after it.
     fn first_of(&self, edges: &[Joint], from: Link) -> Link {
-        let mut back = Link { reversed: !from.reversed, ..from };
+        let mut back = Link {
+            reversed: !from.reversed,
+            ..from
+        };
         while let Some(next) = self.next(edges, back) {
             if next.edge == from.edge {
                 break;
             }
             back = next;
         }
-        Link { reversed: !back.reversed, ..back }
+        Link {
+            reversed: !back.reversed,
+            ..back
+        }
     }
 
     fn walk(&mut self, edges: &[Joint], from: Link) {
@@ -179,7 +201,11 @@ mod tests {
     #[test]
     fn a_path_is_one_chain() {
         let edges: Vec<Joint> = [[3, 2], [1, 2], [4, 3], [1, 0]]
-            .map(|vertices| Joint { object: 0, vertices, free: true })
+            .map(|vertices| Joint {
+                object: 0,
+                vertices,
+                free: true,
+            })
             .to_vec();
         let mut chains = Chains::default();
         chains.join(&edges);

@@ -22,7 +22,10 @@ pub struct DepthOffset {
 
 impl Default for DepthOffset {
     fn default() -> Self {
-        Self { dense: 0.005, sparse: 0.03 }
+        Self {
+            dense: 0.005,
+            sparse: 0.03,
+        }
     }
 }
 
@@ -70,7 +73,8 @@ impl FilteredDepth {
                 }
                 if known > 0 {
                     let missing = 1.0 - f32::from(known) / 16.0;
-                    self.depth[y * width + x] = most * (1.0 + offset.dense + offset.sparse * missing);
+                    self.depth[y * width + x] =
+                        most * (1.0 + offset.dense + offset.sparse * missing);
                 }
             }
         }
@@ -97,15 +101,24 @@ mod tests {
         for i in (0..depth.len()).step_by(3) {
             depth[i] = 1.0 + (i * 37 % 11) as f32;
         }
-        let buffer = DepthBuffer { width, height, depth };
+        let buffer = DepthBuffer {
+            width,
+            height,
+            depth,
+        };
         let mut filtered = FilteredDepth::default();
-        let offset = DepthOffset { dense: 0.01, sparse: 0.5 };
+        let offset = DepthOffset {
+            dense: 0.01,
+            sparse: 0.5,
+        };
         filtered.filter(&buffer, offset);
         for y in 0..height as i64 {
             for x in 0..width as i64 {
                 let (mut most, mut known) = (0.0_f32, 0.0);
                 for (dx, dy) in (-2..=1).flat_map(|dy| (-2..=1).map(move |dx| (dx, dy))) {
-                    if (0..width as i64).contains(&(x + dx)) && (0..height as i64).contains(&(y + dy)) {
+                    if (0..width as i64).contains(&(x + dx))
+                        && (0..height as i64).contains(&(y + dy))
+                    {
                         let d = buffer.depth[(y + dy) as usize * width + (x + dx) as usize];
                         if d.is_finite() {
                             most = most.max(d);
@@ -115,7 +128,10 @@ mod tests {
                 }
                 let limit = most * (1.0 + 0.01 + 0.5 * (1.0 - known / 16.0));
                 assert!(filtered.sees(x, y, limit * 0.9999), "{x}, {y}");
-                assert!(known > 0.0 && !filtered.sees(x, y, limit * 1.0001), "{x}, {y}");
+                assert!(
+                    known > 0.0 && !filtered.sees(x, y, limit * 1.0001),
+                    "{x}, {y}"
+                );
             }
         }
     }

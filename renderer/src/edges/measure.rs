@@ -199,7 +199,10 @@ fn short_segments() {
 #[test]
 #[ignore = "a measurement"]
 fn precision_and_recall() {
-    for path in ["references/chains/chains.toml", "references/rooms/rooms.toml"] {
+    for path in [
+        "references/chains/chains.toml",
+        "references/rooms/rooms.toml",
+    ] {
         let Some(loaded) = shared(path) else { continue };
         let view = view(&loaded.camera, 512);
         let world = world_of(&loaded.scene);
@@ -224,18 +227,33 @@ fn precision_and_recall() {
         };
         score("all", Hiding::None);
         for spacing_px in [1.0, 2.0, 3.0, 4.0, 6.0, 8.0] {
-            let settings = RaySettings { spacing_px, ..RaySettings::default() };
-            score(&format!("spacing {spacing_px}"), Hiding::Rays(&world, settings));
+            let settings = RaySettings {
+                spacing_px,
+                ..RaySettings::default()
+            };
+            score(
+                &format!("spacing {spacing_px}"),
+                Hiding::Rays(&world, settings),
+            );
         }
         for tolerance in [1e-6, 1e-5, 1e-4, 3e-4, 1e-3] {
-            let settings = RaySettings { tolerance, ..RaySettings::default() };
-            score(&format!("tolerance {tolerance}"), Hiding::Rays(&world, settings));
+            let settings = RaySettings {
+                tolerance,
+                ..RaySettings::default()
+            };
+            score(
+                &format!("tolerance {tolerance}"),
+                Hiding::Rays(&world, settings),
+            );
         }
         for share in [0.02, 0.1, 0.3, 1.0] {
             let buffer = sparse_depth(&view, &world, share);
             for (dense, sparse) in [(0.002, 0.01), (0.005, 0.03), (0.02, 0.1)] {
                 let offset = DepthOffset { dense, sparse };
-                score(&format!("points {share}, {offset:?}"), Hiding::Points(&buffer, offset));
+                score(
+                    &format!("points {share}, {offset:?}"),
+                    Hiding::Points(&buffer, offset),
+                );
             }
         }
     }
@@ -252,9 +270,16 @@ fn sparse_depth(view: &View, world: &rays::World, share: f32) -> DepthBuffer {
                 return f32::INFINITY;
             }
             let direction = view.direction((i % width) as f32 + 0.5, (i / width) as f32 + 0.5);
-            let ray = rays::Ray { origin: view.eye, direction };
+            let ray = rays::Ray {
+                origin: view.eye,
+                direction,
+            };
             world.closest(&ray, f32::INFINITY).map_or(1e30, |hit| hit.t)
         })
         .collect();
-    DepthBuffer { width, height, depth }
+    DepthBuffer {
+        width,
+        height,
+        depth,
+    }
 }

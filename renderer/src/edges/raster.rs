@@ -28,12 +28,7 @@ pub struct Crossing {
 /// `half`, through their middle, that have coordinates from 0 to `width` and `height`, px, first those with horizontal
 /// lines.
 #[inline]
-pub fn crossings_of(
-    ends: [[i64; 2]; 2],
-    size: [i64; 2],
-    half: bool,
-    each: impl FnMut(Crossing),
-) {
+pub fn crossings_of(ends: [[i64; 2]; 2], size: [i64; 2], half: bool, each: impl FnMut(Crossing)) {
     crossings_within(ends, ends, size, half, each);
 }
 
@@ -48,16 +43,34 @@ pub fn crossings_within(
 ) {
     let [[x0, y0], [x1, y1]] = ends;
     let [[px0, py0], [px1, py1]] = part;
-    let rows = Lines { from: py0.min(py1), to: py0.max(py1), size: height, half };
+    let rows = Lines {
+        from: py0.min(py1),
+        to: py0.max(py1),
+        size: height,
+        half,
+    };
     rows.cross([y0, x0], [y1, x1], false, |line, eighth| {
         if eighth >= 0 && eighth < width * EIGHTHS {
-            each(Crossing { horizontal: true, line, eighth });
+            each(Crossing {
+                horizontal: true,
+                line,
+                eighth,
+            });
         }
     });
-    let columns = Lines { from: px0.min(px1), to: px0.max(px1), size: width, half };
+    let columns = Lines {
+        from: px0.min(px1),
+        to: px0.max(px1),
+        size: width,
+        half,
+    };
     columns.cross([x0, y0], [x1, y1], true, |line, eighth| {
         if eighth >= 0 && eighth < height * EIGHTHS {
-            each(Crossing { horizontal: false, line, eighth });
+            each(Crossing {
+                horizontal: false,
+                line,
+                eighth,
+            });
         }
     });
 }
@@ -98,36 +111,36 @@ impl Lines {
         if from[0] > to[0] {
             std::mem::swap(&mut from, &mut to);
         }
-    let (du, dv) = (to[0] - from[0], to[1] - from[1]);
-    // v = from.v + dv (line - from.u) / du, in eighths: floor(numerator / denominator).
-    let denominator = du * (SUBPIXELS / EIGHTHS);
-    let mut numerator = from[1] * du + (first * unit - from[0]) * dv;
-    if low_ties && dv > 0 {
-        numerator -= 1;
-    }
-    let mut eighth = numerator.div_euclid(denominator);
-    each(first, eighth);
-    if first + step > last {
-        return;
-    }
-    let advance = step * unit * dv;
-    let (whole, part) = (
-        advance.div_euclid(denominator),
-        advance.rem_euclid(denominator),
-    );
-    let mut remainder = numerator - eighth * denominator;
-    let mut line = first + step;
-    while line <= last {
-        eighth += whole;
-        remainder += part;
-        if remainder >= denominator {
-            remainder -= denominator;
-            eighth += 1;
+        let (du, dv) = (to[0] - from[0], to[1] - from[1]);
+        // v = from.v + dv (line - from.u) / du, in eighths: floor(numerator / denominator).
+        let denominator = du * (SUBPIXELS / EIGHTHS);
+        let mut numerator = from[1] * du + (first * unit - from[0]) * dv;
+        if low_ties && dv > 0 {
+            numerator -= 1;
         }
-        each(line, eighth);
-        line += step;
+        let mut eighth = numerator.div_euclid(denominator);
+        each(first, eighth);
+        if first + step > last {
+            return;
+        }
+        let advance = step * unit * dv;
+        let (whole, part) = (
+            advance.div_euclid(denominator),
+            advance.rem_euclid(denominator),
+        );
+        let mut remainder = numerator - eighth * denominator;
+        let mut line = first + step;
+        while line <= last {
+            eighth += whole;
+            remainder += part;
+            if remainder >= denominator {
+                remainder -= denominator;
+                eighth += 1;
+            }
+            each(line, eighth);
+            line += step;
+        }
     }
-}
 }
 
 impl Crossings {
@@ -158,10 +171,10 @@ impl Crossings {
     pub fn draw_part(&mut self, segment: &ImageSegment, range: [f64; 2], half: bool) {
         let size = [self.width as i64, self.height as i64];
         let [a, b] = segment.ends;
-        let part = range.map(|share| {
-            [0, 1].map(|k| a[k] + round((b[k] - a[k]) as f64 * share))
+        let part = range.map(|share| [0, 1].map(|k| a[k] + round((b[k] - a[k]) as f64 * share)));
+        crossings_within(segment.ends, part, size, half, |crossing| {
+            self.record(crossing)
         });
-        crossings_within(segment.ends, part, size, half, |crossing| self.record(crossing));
     }
 }
 

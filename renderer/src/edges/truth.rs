@@ -69,24 +69,40 @@ impl Truth {
         let see = |x: f32, y: f32| see(scene, world, view, &parts, x, y);
         let line = |count: usize, at: &dyn Fn(f32) -> Option<Seen>| -> Vec<Step> {
             let seen: Vec<_> = (0..=8 * count).map(|k| at(k as f32 / 8.0)).collect();
-            seen.windows(2).map(|w| between(view, w[0], w[1], step)).collect()
+            seen.windows(2)
+                .map(|w| between(view, w[0], w[1], step))
+                .collect()
         };
-        let rows =
-            (stride..height).step_by(stride).map(|y| line(width, &|x| see(x, y as f32))).collect();
-        let columns =
-            (stride..width).step_by(stride).map(|x| line(height, &|y| see(x as f32, y))).collect();
-        Self { width, height, stride, rows, columns }
+        let rows = (stride..height)
+            .step_by(stride)
+            .map(|y| line(width, &|x| see(x, y as f32)))
+            .collect();
+        let columns = (stride..width)
+            .step_by(stride)
+            .map(|x| line(height, &|y| see(x as f32, y)))
+            .collect();
+        Self {
+            width,
+            height,
+            stride,
+            rows,
+            columns,
+        }
     }
 
     pub(super) fn score(&self, crossings: &Crossings) -> Score {
         let mut score = Score::default();
         for (i, steps) in self.rows.iter().enumerate() {
             let y = (i + 1) * self.stride;
-            score.add(steps, |k| crossings.horizontal[y * self.width + k / 8] >> (k % 8) & 1 == 1);
+            score.add(steps, |k| {
+                crossings.horizontal[y * self.width + k / 8] >> (k % 8) & 1 == 1
+            });
         }
         for (i, steps) in self.columns.iter().enumerate() {
             let x = (i + 1) * self.stride;
-            score.add(steps, |k| crossings.vertical[k / 8 * (self.width + 1) + x] >> (k % 8) & 1 == 1);
+            score.add(steps, |k| {
+                crossings.vertical[k / 8 * (self.width + 1) + x] >> (k % 8) & 1 == 1
+            });
         }
         assert!(self.columns.iter().all(|c| c.len() == 8 * self.height));
         score
@@ -109,18 +125,41 @@ impl Score {
     }
 }
 
-fn see(scene: &Scene, world: &World, view: &View, parts: &[Vec<u32>], x: f32, y: f32) -> Option<Seen> {
+fn see(
+    scene: &Scene,
+    world: &World,
+    view: &View,
+    parts: &[Vec<u32>],
+    x: f32,
+    y: f32,
+) -> Option<Seen> {
     let direction = view.direction(x, y);
-    let hit = world.closest(&Ray { origin: view.eye, direction }, f32::INFINITY)?;
+    let hit = world.closest(
+        &Ray {
+            origin: view.eye,
+            direction,
+        },
+        f32::INFINITY,
+    )?;
     let Some(object) = scene.objects.get(hit.instance as usize) else {
-        return Some(Seen { hit, direction, normal: Vec3::ZERO, part: u32::MAX });
+        return Some(Seen {
+            hit,
+            direction,
+            normal: Vec3::ZERO,
+            part: u32::MAX,
+        });
     };
     let mesh = &scene.meshes[object.mesh as usize];
     let [a, b, c] = mesh.faces[hit.face as usize].map(|v| {
         super::world::affine(&object.transform).transform_point3(mesh.positions[v as usize].into())
     });
     let normal = (b - a).cross(c - a).normalize();
-    Some(Seen { hit, direction, normal, part: parts[object.mesh as usize][hit.face as usize] })
+    Some(Seen {
+        hit,
+        direction,
+        normal,
+        part: parts[object.mesh as usize][hit.face as usize],
+    })
 }
 
 fn between(view: &View, a: Option<Seen>, b: Option<Seen>, step: f32) -> Step {
@@ -140,7 +179,11 @@ fn between(view: &View, a: Option<Seen>, b: Option<Seen>, step: f32) -> Step {
         return Step::Depth;
     }
     debug_assert!(view.width > 0);
-    if same_object && a.part == b.part { Step::Nothing } else { Step::Meeting }
+    if same_object && a.part == b.part {
+        Step::Nothing
+    } else {
+        Step::Meeting
+    }
 }
 
 /// The number of the connected surface of every face.
@@ -161,5 +204,7 @@ fn smooth_parts(mesh: &protocol::scene::Mesh) -> Vec<u32> {
             part[a as usize] = b;
         }
     }
-    (0..mesh.faces.len() as u32).map(|f| root(&mut part, f)).collect()
+    (0..mesh.faces.len() as u32)
+        .map(|f| root(&mut part, f))
+        .collect()
 }

@@ -65,7 +65,8 @@ impl EdgeDrawer {
                 segments.for_each(|(_, segment)| draw_tested(&segment, half, &self.depth, out));
             }
             Hiding::Rays(world, settings) => {
-                self.rays.find(view, edges, segments, (world, settings), &mut self.visible);
+                self.rays
+                    .find(view, edges, segments, (world, settings), &mut self.visible);
                 self.visible.draw(half, out);
             }
         }
@@ -96,7 +97,11 @@ fn draw_tested(segment: &ImageSegment, half: bool, depth: &FilteredDepth, out: &
         let (cell, after) = (crossing.eighth >> 3, crossing.line >> 1);
         let before = (crossing.line - 1) >> 1;
         let sees = |line: i64| {
-            let (x, y) = if crossing.horizontal { (cell, line) } else { (line, cell) };
+            let (x, y) = if crossing.horizontal {
+                (cell, line)
+            } else {
+                (line, cell)
+            };
             depth.sees(x, y, depth_here)
         };
         if sees(before) || sees(after) {

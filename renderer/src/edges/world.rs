@@ -19,13 +19,21 @@ pub fn world_of(scene: &Scene) -> World {
         .collect();
     let objects = scene.objects.iter().map(|object| {
         let mesh = meshes.get(object.mesh as usize).cloned();
-        (mesh.unwrap_or_else(|| Arc::new(TriangleMesh::build(&[], &[]))), affine(&object.transform))
+        (
+            mesh.unwrap_or_else(|| Arc::new(TriangleMesh::build(&[], &[]))),
+            affine(&object.transform),
+        )
     });
     let lights = scene.lights.iter().filter_map(|light| {
-        let Light::Area { vertices, .. } = light else { return None };
+        let Light::Area { vertices, .. } = light else {
+            return None;
+        };
         let positions: Vec<Vec3> = vertices.iter().map(|v| Vec3::from(*v)).collect();
         let fan: Vec<[u32; 3]> = (2..positions.len() as u32).map(|i| [0, i - 1, i]).collect();
-        Some((Arc::new(TriangleMesh::build(&positions, &fan)), Affine3A::IDENTITY))
+        Some((
+            Arc::new(TriangleMesh::build(&positions, &fan)),
+            Affine3A::IDENTITY,
+        ))
     });
     World::new(objects.chain(lights).collect())
 }
@@ -33,5 +41,8 @@ pub fn world_of(scene: &Scene) -> World {
 /// Rows of a scene's transform as a matrix.
 pub fn affine(rows: &Affine) -> Affine3A {
     let column = |k: usize| Vec3A::new(rows[0][k], rows[1][k], rows[2][k]);
-    Affine3A { matrix3: Mat3A::from_cols(column(0), column(1), column(2)), translation: column(3) }
+    Affine3A {
+        matrix3: Mat3A::from_cols(column(0), column(1), column(2)),
+        translation: column(3),
+    }
 }

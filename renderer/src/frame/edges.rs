@@ -1,18 +1,18 @@
 //! The edge stages of a frame: found, hidden ones left out, drawn into crossings.
 
-use std::sync::Arc;
-
 use fearless_simd::Level;
-use glam::{Affine3A, Mat3A, Vec3, Vec3A};
-use protocol::scene::{Affine, Light, Scene};
-use rays::{Ray, TriangleMesh, World};
+use protocol::scene::Scene;
+use rays::{Ray, World};
 
 use crate::camera::View;
 use crate::config::{Choices, Culling, Method, PointCulling};
+use crate::edges::by_rays::RaySettings;
 use crate::edges::crossings::Crossings;
+use crate::edges::depth::{DepthBuffer, DepthOffset};
 use crate::edges::finder::EdgeFinder;
 use crate::edges::list::EdgeList;
-use crate::edges::raster::draw_all;
+use crate::edges::visibility::{EdgeDrawer, Hiding};
+use crate::edges::world::world_of;
 use crate::epi::Epi;
 use crate::epi::classify::classify;
 use crate::epi::grid::Grid;
@@ -23,6 +23,8 @@ use crate::stats::{Stage, StageMs};
 pub struct EdgeStage {
     finder: EdgeFinder,
     list: EdgeList,
+    drawer: EdgeDrawer,
+    depth: DepthBuffer,
     world: Option<World>,
     culling: Culling,
     half: bool,
@@ -38,6 +40,8 @@ impl EdgeStage {
         Self {
             finder: EdgeFinder::new(scene),
             list: EdgeList::default(),
+            drawer: EdgeDrawer::default(),
+            depth: DepthBuffer::default(),
             world: rays.then(|| world_of(scene)),
             culling: choices.culling,
             half: choices.method == Method::EdgeAndPoint,
@@ -46,47 +50,30 @@ impl EdgeStage {
         }
     }
 
-    /// Finds the view's edges and draws those that can be seen. Does nothing while nothing moves.
-    pub fn find(&mut self, view: &View, _moved: bool, _pixels: &PixelSamples, ms: &mut StageMs) {
+    /// Finds the view's edges and draws those that can be seen. With rays it does nothing while nothing moves; with points
+    /// the answer depends on the samples, so that edges are drawn anew in every frame.
+    pub fn find(&mut self, view: &View, pixels: &PixelSamples, ms: &mut StageMs) {
         let Self {
             finder,
             list,
+            drawer,
+            depth,
             crossings,
             ..
         } = self;
-        let new = ms.time(Stage::FindEdges, || finder.find(view, list));
-        if !new {
-            return;
+        ms.time(Stage::FindEdges, || finder.find(view, list));
+        if self.culling == Culling::Points {
+            ms.time(Stage::Depth, || copy_depth(pixels, depth));
         }
-        ms.time(Stage::Rasterize, || {
-            crossings.clear();
-            let projector = crate::edges::clip::Projector::new(view);
-            for i in 0..list.len() {
-                let (a, b) = (Vec3::from(list.from[i]), Vec3::from(list.to[i]));
-                if let Some(w) = &self.world {
-                    let m = (a + b) * 0.5;
-                    let d = view.right * m.x + view.up * m.y + view.forward * m.z;
-                    let f = list.faces[i];
-                    let o = list.object[i];
-                    if w.occluder_where(
-                        &Ray {
-                            origin: view.eye,
-                            direction: d,
-                        },
-                        1.0 - 1e-4,
-                        |inst, face| !(inst == o && f.contains(&face)),
-                    )
-                    .is_some()
-                    {
-                        continue;
-                    }
-                }
-                if let Some(segment) = projector.project(list.from[i], list.to[i]) {
-                    crossings.draw(&segment, self.half);
-                }
-            }
+        let hiding = match (self.culling, &self.world) {
+            (Culling::Rays, Some(world)) => Hiding::Rays(world, RaySettings::default()),
+            (Culling::Points, _) => Hiding::Points(depth, DepthOffset::default()),
+            (Culling::None | Culling::Rays, _) => Hiding::None,
+        };
+        let half = self.half;
+        self.changed |= ms.time(Stage::Rasterize, || {
+            drawer.draw(view, list, hiding, half, crossings)
         });
-        self.changed = true;
     }
 
     /// Turns crossings into edge codes, if they changed.
@@ -112,42 +99,15 @@ impl EdgeStage {
     }
 }
 
-/// The scene's objects, then its area lights, for rays of the display's own: they only ask what is visible.
-fn world_of(scene: &Scene) -> World {
-    let meshes: Vec<Arc<TriangleMesh>> = scene
-        .meshes
-        .iter()
-        .map(|mesh| {
-            let positions: Vec<Vec3> = mesh.positions.iter().map(|&p| p.into()).collect();
-            Arc::new(TriangleMesh::build(&positions, &mesh.faces))
-        })
-        .collect();
-    let objects = scene.objects.iter().filter_map(|o| {
-        Some((
-            Arc::clone(meshes.get(o.mesh as usize)?),
-            affine(&o.transform),
-        ))
-    });
-    let lights = scene.lights.iter().filter_map(|light| match light {
-        Light::Area { vertices, .. } => {
-            let corners: Vec<Vec3> = vertices.iter().map(|&v| v.into()).collect();
-            let fan: Vec<[u32; 3]> = (2..corners.len() as u32).map(|i| [0, i - 1, i]).collect();
-            Some((
-                Arc::new(TriangleMesh::build(&corners, &fan)),
-                Affine3A::IDENTITY,
-            ))
-        }
-        Light::Point { .. } | Light::Linear { .. } => None,
-    });
-    World::new(objects.chain(lights).collect())
-}
-
-/// Rows of a scene's transform as a matrix.
-fn affine(rows: &Affine) -> Affine3A {
-    let column = |k: usize| Vec3A::new(rows[0][k], rows[1][k], rows[2][k]);
-    Affine3A {
-        matrix3: Mat3A::from_cols(column(0), column(1), column(2)),
-        translation: column(3),
+/// Depths of the points that pixels show, in the form that edges are culled with.
+fn copy_depth(pixels: &PixelSamples, depth: &mut DepthBuffer) {
+    let grid = pixels.grid;
+    (depth.width, depth.height) = (grid.width, grid.height);
+    depth.depth.clear();
+    for y in 0..grid.height {
+        depth
+            .depth
+            .extend_from_slice(&pixels.depth[grid.at(0, y)..grid.at(grid.width, y)]);
     }
 }
 

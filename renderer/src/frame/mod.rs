@@ -140,7 +140,7 @@ impl Display {
         }
         let mut ms = std::mem::take(&mut self.stage_ms);
         if self.choices.edges() {
-            self.edges.find(view, moved, &self.pixels, &mut ms);
+            self.edges.find(view, &self.pixels, &mut ms);
             ms.time(Stage::Classify, || {
                 self.edges.classify(self.level, &mut self.epi)
             });
