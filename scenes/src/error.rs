@@ -40,7 +40,7 @@ pub enum ErrorKind {
          remove it"
     )]
     NotFinite {
-        /// Counted from 1 among the vertices of its group.
+        /// Counted from 1; among those of its group where no line is given.
         vertex: usize,
     },
     /// A face names a vertex, normal or texture coordinate that is not there.
