@@ -1,22 +1,23 @@
 //! Fills a scene's tables: each mesh, material and texture once, however often it is named.
 
+mod materials;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use protocol::scene::{Affine, Material, Mesh, Model, Object, Scene, Shading};
+use protocol::scene::{Affine, Mesh, Model, Object, Scene, Shading};
 use toml::Spanned;
 
 use crate::error::{ErrorKind, SceneError};
-use crate::format::{MapValue, MaterialTable, NormalsMode, ObjectTable, Scale};
+use crate::format::{NormalsMode, ObjectTable, Scale};
 use crate::generate::Made;
 use crate::geometry::examine;
 use crate::lights::finite;
 use crate::load::line_of;
-use crate::loaders::{self, FileMaterial, MeshFile, Part};
+use crate::loaders::{self, MeshFile, Part};
 use crate::report::LoadReport;
-use crate::{normals, textures, transform};
+use crate::{normals, transform};
 
-const DEFAULT_DIFFUSE: [f32; 3] = [0.7; 3];
 const DEFAULT_CREASE_ANGLE: f32 = 85.0;
 
 /// A mesh file as prepared once for one choice of normals.
@@ -86,55 +87,6 @@ impl<'a> Assembler<'a> {
 
     pub(crate) fn finish(self) -> (Scene, LoadReport) {
         (self.scene, self.report)
-    }
-
-    pub(crate) fn add_material(
-        &mut self,
-        name: &str,
-        table: &Spanned<MaterialTable>,
-    ) -> Result<(), SceneError> {
-        let at = table.span().start;
-        let table = table.get_ref();
-        let key = |k: &str| format!("material.{name}.{k}");
-        let given = table.diffuse.unwrap_or(match table.diffuse_map {
-            Some(_) => [1.0; 3],
-            None => DEFAULT_DIFFUSE,
-        });
-        let diffuse = self.ok(at, reflectance(&key("diffuse"), given))?;
-        let specular = self.ok(
-            at,
-            reflectance(&key("specular"), table.specular.unwrap_or_default()),
-        )?;
-        let roughness = table.roughness.unwrap_or(1.0);
-        if !(roughness > 0.0 && roughness <= 1.0) {
-            let problem = format!("{roughness} is out of range");
-            let remedy = "write a number greater than 0, at most 1";
-            return Err(self.value(at, key("roughness"), problem, remedy));
-        }
-        let diffuse_map = match &table.diffuse_map {
-            None => None,
-            Some(map) => Some(match map.get_ref() {
-                MapValue::Made(made) => self.push_texture(textures::generate(&made.generate)),
-                MapValue::File(name) => {
-                    let path = self.beside(name);
-                    self.texture_file(&path).map_err(|e| {
-                        let problem = e.to_string();
-                        let remedy = "name a PNG or JPEG file, by its path from the scene file";
-                        self.value(map.span().start, key("diffuse_map"), problem, remedy)
-                    })?
-                }
-            }),
-        };
-        self.scene.materials.push(Material {
-            name: name.into(),
-            diffuse,
-            diffuse_map,
-            specular,
-            roughness,
-        });
-        let index = self.scene.materials.len() as u32 - 1;
-        self.materials.insert(name.into(), index);
-        Ok(())
     }
 
     pub(crate) fn add_object(&mut self, table: &Spanned<ObjectTable>) -> Result<(), SceneError> {
@@ -385,58 +337,6 @@ impl<'a> Assembler<'a> {
         unique
     }
 
-    fn object_material(&mut self, given: Option<u32>) -> u32 {
-        if let Some(index) = given.or(self.default_material) {
-            return index;
-        }
-        self.scene.materials.push(Material {
-            name: "default".into(),
-            diffuse: DEFAULT_DIFFUSE,
-            diffuse_map: None,
-            specular: [0.0; 3],
-            roughness: 1.0,
-        });
-        let index = self.scene.materials.len() as u32 - 1;
-        self.default_material = Some(index);
-        index
-    }
-
-    /// A material of a mesh file; a picture that it names and that cannot be read is left out with a note.
-    fn push_file_material(&mut self, m: &FileMaterial) -> u32 {
-        let diffuse_map = m.diffuse_map.as_deref().and_then(|path| {
-            self.texture_file(path)
-                .inspect_err(|e| {
-                    self.report
-                        .notes
-                        .push(format!("material {:?} has no texture: {e}", m.name));
-                })
-                .ok()
-        });
-        self.scene.materials.push(Material {
-            name: m.name.clone(),
-            diffuse: m.diffuse,
-            diffuse_map,
-            specular: m.specular,
-            roughness: m.roughness,
-        });
-        self.scene.materials.len() as u32 - 1
-    }
-
-    fn texture_file(&mut self, path: &Path) -> Result<u32, SceneError> {
-        if let Some(&index) = self.textures.get(path) {
-            return Ok(index);
-        }
-        let texture = textures::read(path)?;
-        let index = self.push_texture(texture);
-        self.textures.insert(path.into(), index);
-        Ok(index)
-    }
-
-    fn push_texture(&mut self, texture: protocol::scene::Texture) -> u32 {
-        self.scene.textures.push(texture);
-        self.scene.textures.len() as u32 - 1
-    }
-
     /// A path that the scene file names.
     fn beside(&self, name: &str) -> PathBuf {
         self.file.parent().unwrap_or(Path::new("")).join(name)
@@ -489,20 +389,6 @@ fn prepare_part(
         report,
         placed: BTreeMap::new(),
     })
-}
-
-/// A colour of at most 1.
-fn reflectance(key: &str, v: [f32; 3]) -> Result<[f32; 3], ErrorKind> {
-    if v.iter().all(|x| (0.0..=1.0).contains(x)) {
-        Ok(v)
-    } else {
-        let problem = format!("{v:?} is no reflectance");
-        Err(ErrorKind::value(
-            key,
-            problem,
-            "write three numbers from 0 to 1",
-        ))
-    }
 }
 
 fn placement_matrix(table: &ObjectTable) -> Result<Affine, ErrorKind> {

@@ -184,7 +184,7 @@ fn distance(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
 /// Steps of the path are far shorter than the distance kept, so the camera crosses nothing between them.
 fn clearance(loaded: &LoadedScene, steps: u16) -> f64 {
     let triangles = triangles(&loaded.scene);
-    let path = loaded.path("orbit").unwrap();
+    let path = loaded.path("orbit").expect("every scene has an orbit");
     let eyes: Vec<DVec3> = (0..steps)
         .map(|i| DVec3::from_array(path.at(f32::from(i) / f32::from(steps)).eye.map(f64::from)))
         .collect();

@@ -5,7 +5,8 @@ use protocol::scene::Affine;
 use serde::Deserialize;
 
 use super::builder::Builder;
-use super::params::{across, around, counts, less, positive};
+use super::limits::{counts, less, positive};
+use super::params::{across, around};
 use super::{Made, MeshCopy, round};
 
 /// A chain's shape. Its links are at equal distances along a Catmull-Rom spline through `keys`, turned in turn by `roll`
