@@ -9,7 +9,7 @@ const README: &str = include_str!("../README.md");
 
 fn load_text(dir: &Path, text: &str) -> Result<scenes::LoadedScene, scenes::SceneError> {
     let file = dir.join("scene.toml");
-    fs::write(&file, text).unwrap();
+    fs::write(&file, text).expect("the folder can be written");
     load(&file)
 }
 

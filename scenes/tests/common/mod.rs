@@ -1,31 +1,40 @@
 //! Files for tests to load.
 
+#![expect(
+    clippy::unwrap_used,
+    reason = "a helper of a test may fail as the test does"
+)]
+
 use std::fs;
 use std::path::PathBuf;
 
 use scenes::{LoadedScene, SceneError, load};
 
 /// A folder that goes when the test ends.
-pub struct Dir(pub tempfile::TempDir);
+pub(crate) struct Dir(pub(crate) tempfile::TempDir);
 
 impl Dir {
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self(tempfile::tempdir().unwrap())
     }
 
-    pub fn write(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
+    pub(crate) fn write(&self, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
         let path = self.0.path().join(name);
         fs::write(&path, content).unwrap();
         path
     }
 
-    pub fn load(&self, name: &str, content: impl AsRef<[u8]>) -> Result<LoadedScene, SceneError> {
+    pub(crate) fn load(
+        &self,
+        name: &str,
+        content: impl AsRef<[u8]>,
+    ) -> Result<LoadedScene, SceneError> {
         load(&self.write(name, content))
     }
 }
 
 /// The one line of an error, without the folder.
-pub fn line(result: Result<LoadedScene, SceneError>) -> String {
+pub(crate) fn line(result: Result<LoadedScene, SceneError>) -> String {
     let error = result.unwrap_err();
     let text = error.to_string();
     assert_eq!(text.lines().count(), 1, "{text}");
@@ -38,10 +47,10 @@ pub fn line(result: Result<LoadedScene, SceneError>) -> String {
     text.replace(&error.file.display().to_string(), &name)
 }
 
-pub const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+pub(crate) const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
 
 /// A pyramid with a quad base, as PLY in each encoding.
-pub fn ply(encoding: &str) -> Vec<u8> {
+pub(crate) fn ply(encoding: &str) -> Vec<u8> {
     let points: [[f32; 3]; 5] = [
         [0.0, 0.0, 0.0],
         [1.0, 0.0, 0.0],
