@@ -55,7 +55,7 @@ pub struct Interpolated {
     pub rgb: [Vec<f32>; 3],
     /// Sum of weights before renormalising.
     pub weight: Vec<f32>,
-    /// Plane: fewer than [`super::taps::ENOUGH`] samples were reachable.
+    /// Plane: fewer than three samples were reachable, so that no plane is determined by them.
     pub starved: Vec<u64>,
     /// Plane: no sample was reachable; the colour is 0.
     pub bare: Vec<u64>,
@@ -96,7 +96,7 @@ pub fn interpolate<R: Reach>(
                 (word, y),
                 stop_early,
             );
-            out.starved[y * words + word] = !taps.enough & valid;
+            out.starved[y * words + word] = taps.few & valid;
             out.bare[y * words + word] = taps.none & valid;
             let first = grid.at(word * 64, y);
             match method {

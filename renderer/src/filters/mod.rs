@@ -3,6 +3,7 @@
 pub mod antialias;
 pub mod complex;
 pub mod interpolate;
+pub mod open;
 pub mod settle;
 pub mod spread;
 pub mod taps;

@@ -5,7 +5,10 @@
 //! is in proportion to the pixels that need it. Pixels that nothing reaches take the mean of the smallest
 //! power-of-two block around them that has samples, edges or not: wrong across an edge, but the first to be asked for.
 
+use fearless_simd::Level;
+
 use super::interpolate::{Interpolated, SLOPE_RIDGE};
+use super::open;
 use crate::epi::grid::Grid;
 use crate::points::PixelSamples;
 
@@ -22,6 +25,8 @@ pub struct Neighbours<'a> {
     pub right: &'a [u64],
     /// To the pixel at y + 1.
     pub down: &'a [u64],
+    /// Simple pixels.
+    pub simple: &'a [u64],
     /// Complex pixels: nothing passes.
     pub complex: &'a [u64],
     /// Pixels whose sample may be used.
@@ -38,6 +43,9 @@ pub struct Spread {
     rows: Vec<u64>,
     queue: Vec<(u32, u32)>,
     blocks: Blocks,
+    left: Vec<u64>,
+    edges: Vec<u64>,
+    gathered: open::Gathered,
 }
 
 impl Spread {
@@ -51,28 +59,57 @@ impl Spread {
             rows: vec![0; grid.plane_words()],
             queue: Vec::new(),
             blocks: Blocks::default(),
+            left: vec![0; grid.plane_words()],
+            edges: vec![0; grid.plane_words()],
+            gathered: open::Gathered::default(),
         }
     }
 
     /// Fills in the colours of starved pixels. `wanted_x`, `wanted_y` are where in its pixel each colour is wanted.
     pub fn fill(
         &mut self,
+        level: Level,
         samples: &PixelSamples,
         near: Neighbours<'_>,
         (wanted_x, wanted_y): (&[f32], &[f32]),
         out: &mut Interpolated,
     ) {
-        if out.starved.iter().all(|&w| w == 0) {
-            return;
+        let mut left = std::mem::take(&mut self.left);
+        left.copy_from_slice(&out.starved);
+        for (edges, (simple, complex)) in self
+            .edges
+            .iter_mut()
+            .zip(near.simple.iter().zip(near.complex))
+        {
+            *edges = simple | complex;
         }
-        self.find_area(&out.starved, near.complex);
+        let planes = open::Planes {
+            edges: &self.edges,
+            has: near.has,
+        };
+        open::fill(level, samples, planes, &mut left, &mut self.gathered, out);
+        if left.iter().any(|&w| w != 0) {
+            self.fill_near_edges(samples, near, (wanted_x, wanted_y), &left, out);
+        }
+        self.left = left;
+    }
+
+    fn fill_near_edges(
+        &mut self,
+        samples: &PixelSamples,
+        near: Neighbours<'_>,
+        (wanted_x, wanted_y): (&[f32], &[f32]),
+        starved: &[u64],
+        out: &mut Interpolated,
+    ) {
+        self.find_area(starved, near.complex);
         self.flood(near);
         let grid = self.grid;
         let mut lost = false;
         for y in 0..grid.height {
             for word in 0..grid.words {
                 let i = y * grid.words + word;
-                let mut left = out.starved[i] & !near.complex[i];
+                let mut left = starved[i] & !near.complex[i];
                 while left != 0 {
                     let bit = left.trailing_zeros() as usize;
                     left &= left - 1;
@@ -325,14 +362,17 @@ mod tests {
             right[word] &= !(1 << bit);
         }
         let complex = vec![0; grid.plane_words()];
+        // Edges everywhere, so that only the flood is at work.
+        let simple = all.clone();
         let near = Neighbours {
             right: &right,
             down: &all,
+            simple: &simple,
             complex: &complex,
             has: &samples.has,
         };
         let middle = vec![0.5; grid.elements()];
-        Spread::new(grid).fill(samples, near, (&middle, &middle), &mut out);
+        Spread::new(grid).fill(Level::new(), samples, near, (&middle, &middle), &mut out);
         out
     }
 

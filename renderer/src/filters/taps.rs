@@ -32,7 +32,7 @@ pub const OFFSETS: [(i32, i32); 25] = [
 /// Taps of the inner 3x3 in [`OFFSETS`].
 pub const INNER: usize = 9;
 
-/// Samples at which a linear fit has enough to go on.
+/// Samples at which the inner 3x3 alone will do.
 pub const ENOUGH: u32 = 4;
 
 /// One bit a pixel: reachability over the 12 offsets of a half plane, whose opposites follow by symmetry.
@@ -83,6 +83,12 @@ impl Counter {
         self.four
     }
 
+    /// Lanes that have counted fewer than three.
+    #[inline]
+    pub fn few(&self) -> u64 {
+        !(self.four | (self.twos & self.ones))
+    }
+
     /// Lanes that have counted nothing.
     #[inline]
     pub fn none(&self) -> u64 {
@@ -95,8 +101,8 @@ impl Counter {
 pub struct Taps {
     /// A bit a pixel for each of [`OFFSETS`]: the neighbour there has a sample that this pixel may use.
     pub masks: [u64; 25],
-    /// Pixels with at least [`ENOUGH`] samples.
-    pub enough: u64,
+    /// Pixels with fewer than three: a plane through them is not determined.
+    pub few: u64,
     /// Pixels with none.
     pub none: u64,
 }
@@ -132,7 +138,7 @@ pub fn taps<R: Reach>(
     }
     Taps {
         masks,
-        enough: counter.enough(),
+        few: counter.few(),
         none: counter.none(),
     }
 }
@@ -147,6 +153,7 @@ mod tests {
         for n in 0..10 {
             assert_eq!(counter.none() & 1, u64::from(n == 0));
             assert_eq!(counter.enough() & 1, u64::from(n >= 4));
+            assert_eq!(counter.few() & 1, u64::from(n < 3));
             counter.add(1);
         }
     }

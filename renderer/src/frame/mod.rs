@@ -242,12 +242,18 @@ impl Display {
         let near = Neighbours {
             right: &self.reach.steps.right[0],
             down: &self.reach.steps.down[0],
+            simple: &self.epi.simple,
             complex: &self.epi.complex,
             has: &self.epi.has_sample,
         };
         let wanted = (&self.centre[0][..], &self.centre[1][..]);
-        self.spread
-            .fill(&self.pixels, near, wanted, &mut self.interpolated);
+        self.spread.fill(
+            self.level,
+            &self.pixels,
+            near,
+            wanted,
+            &mut self.interpolated,
+        );
     }
 
     fn reconstruct_complex(&mut self) {
