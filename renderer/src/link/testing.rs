@@ -171,10 +171,14 @@ impl Drop for FakeServer {
     }
 }
 
-/// A link to these servers that gives up on a silent one soon.
+/// A link to these servers.
 pub(super) fn link_to(servers: &[&FakeServer]) -> Link {
-    let mut config = LinkConfig::new(servers.iter().map(|server| server.source()).collect(), 7);
-    config.timeout = std::time::Duration::from_millis(400);
+    link_with(servers, LinkConfig::new(vec![], 7))
+}
+
+/// A link to these servers with other settings.
+pub(super) fn link_with(servers: &[&FakeServer], mut config: LinkConfig) -> Link {
+    config.servers = servers.iter().map(|server| server.source()).collect();
     Link::start(config, Arc::new(scene(2))).unwrap()
 }
 
@@ -188,6 +192,15 @@ pub(super) fn answer(seed: u64, id: u64) -> Sample {
         object: 0,
         radiance,
         flags: 0,
+    }
+}
+
+/// The triple that every server meets when it answers a request.
+fn triple_of(id: u64) -> Triple {
+    Triple {
+        light: 0,
+        blocker: 0,
+        receiver: (id % 2) as u32,
     }
 }
 
@@ -239,15 +252,11 @@ async fn serve(stream: TcpStream, behaviour: Behaviour, log: Arc<Mutex<Vec<ToSer
                 ready = true;
             }
             Ok(ServerEvent::Request { view, samples, .. }) if behaviour.fate != Fate::Hold => {
-                let triple = Triple {
-                    light: 0,
-                    blocker: 0,
-                    receiver: (sent % 2) as u32,
-                };
-                replies.push(ToDisplay::Triples {
-                    epoch,
-                    triples: vec![triple],
-                });
+                let triples = samples
+                    .iter()
+                    .map(|request| triple_of(request.id))
+                    .collect();
+                replies.push(ToDisplay::Triples { epoch, triples });
                 let mut samples: Vec<_> = samples
                     .iter()
                     .rev()
