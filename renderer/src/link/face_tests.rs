@@ -13,6 +13,16 @@ fn with(fate: Fate) -> Behaviour {
     Behaviour { fate, ..HONEST }
 }
 
+/// Waits until the link has got so far.
+fn wait_for(link: &Link, so_far: impl Fn(&LinkStatus) -> bool) {
+    let mut state = link.shared.lock();
+    while !so_far(&state.status()) {
+        let (woken, timeout) = link.shared.changed.wait_timeout(state, LONG).unwrap();
+        assert!(!timeout.timed_out(), "nothing happened");
+        state = woken;
+    }
+}
+
 /// Asks for 1000 samples and waits for them.
 fn thousand(link: &mut Link) -> (Vec<ReceivedSample>, Vec<Triple>) {
     let view = link.set_view(camera()).unwrap();
@@ -164,6 +174,24 @@ fn edits_reach_servers_before_the_requests_that_follow() {
 }
 
 #[test]
+fn samples_of_an_older_epoch_never_enter() {
+    let server = FakeServer::start(with(Fate::Late));
+    let mut link = link_to(&[&server]);
+    let view = link.set_view(camera()).unwrap();
+    link.request(view, &requests(0..50)).unwrap();
+    wait_for(&link, |status| status.outstanding == 50);
+    link.edit(&[], &[]).unwrap();
+    let (mut samples, mut triples) = (Vec::new(), Vec::new());
+    assert_eq!(
+        link.wait(LONG, &mut samples, &mut triples),
+        WaitOutcome::Complete
+    );
+    assert!(samples.is_empty() && triples.is_empty());
+    assert_eq!(link.status().stale, 100, "50 samples, each with its triple");
+    thousand(&mut link);
+}
+
+#[test]
 fn a_server_without_edits_is_sent_the_scene_again() {
     let server = FakeServer::start(Behaviour {
         edits: false,
@@ -196,11 +224,7 @@ fn cancelled_requests_are_waited_for_no_longer() {
     let mut link = link_to(&[&server]);
     let old = link.set_view(camera()).unwrap();
     link.request(old, &requests(0..1000)).unwrap();
-    let mut state = link.shared.lock();
-    while state.status().outstanding == 0 {
-        state = link.shared.changed.wait_timeout(state, LONG).unwrap().0;
-    }
-    drop(state);
+    wait_for(&link, |status| status.outstanding > 0);
     let new = link.set_view(camera()).unwrap();
     link.cancel_before(new);
     let mut samples = Vec::new();

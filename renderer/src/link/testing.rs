@@ -85,6 +85,8 @@ pub(super) enum Fate {
     CloseAfter(usize),
     /// Answers a request twice.
     Twice,
+    /// Keeps its answers back until something moves.
+    Late,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -219,6 +221,7 @@ async fn serve(stream: TcpStream, behaviour: Behaviour, log: Arc<Mutex<Vec<ToSer
     let offer = offer(&behaviour);
     let mut session = ServerSession::new(offer.clone(), vec![], 1 << 30);
     let (mut seed, mut sent, mut epoch, mut ready) = (0, 0, 0, false);
+    let mut late = Vec::new();
     while let Ok(Some(message)) = receiver.receive().await {
         log.lock().unwrap().push(message.clone());
         if ready && behaviour.fate == Fate::Mute {
@@ -275,8 +278,14 @@ async fn serve(stream: TcpStream, behaviour: Behaviour, log: Arc<Mutex<Vec<ToSer
                     epoch,
                     samples,
                 });
+                if behaviour.fate == Fate::Late && epoch == 0 {
+                    late.append(&mut replies);
+                }
             }
-            Ok(ServerEvent::Edit { epoch: now, .. }) => epoch = now,
+            Ok(ServerEvent::Edit { epoch: now, .. }) => {
+                epoch = now;
+                replies.append(&mut late);
+            }
             Ok(ServerEvent::Cancel { views_before }) => replies.push(ToDisplay::Status {
                 queued: 0,
                 traced: 0,
