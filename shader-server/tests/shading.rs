@@ -271,35 +271,42 @@ fn contact_shadows_are_tight() {
         ]);
         let mut floor = square(4. * scale);
         floor.positions.iter_mut().for_each(|p| p[0] += offset);
-        let position = [offset - 2. * scale, 2. * scale, 0.];
-        let light = Light::Point {
-            position,
+        let (x, y, small) = (offset - 2. * scale, 2. * scale, 0.01 * scale);
+        let point = Light::Point {
+            position: [x, y, 0.],
             intensity: [1.; 3],
         };
-        let objects = vec![object("floor", 0, AT_ORIGIN), object("wall", 1, AT_ORIGIN)];
-        let stage = stage(scene(vec![light], vec![floor, wall], objects));
-        let mut triples = vec![];
-        for (gap, lit) in [(1e-4, false), (-1e-4, true), (0.01, false), (-0.01, true)] {
-            let target = vec3(offset + gap, 0., 0.1 * scale);
+        let area = ceiling_light([x - small, x + small], [-small, small], y, 100.);
+        for light in [point, area] {
+            let objects = vec![object("floor", 0, AT_ORIGIN), object("wall", 1, AT_ORIGIN)];
+            let stage = stage(scene(
+                vec![light],
+                vec![floor.clone(), wall.clone()],
+                objects,
+            ));
             let shadows = ShadowRays::default();
-            let mut shader = Shader::new(&stage, &shadows, 1);
-            let ray = Ray {
-                origin: target + Vec3::Y * scale,
-                direction: Vec3::NEG_Y,
-            };
-            let sample = shader.shade(1, &ray);
-            assert_eq!(sample.object, 0);
-            assert_eq!(sample.radiance[0] > 0., lit, "{scale} {offset} {gap}");
-            triples.extend(shader.take_triples());
+            let mut triples = vec![];
+            for (gap, lit) in [(1e-4, false), (-1e-4, true), (0.01, false), (-0.01, true)] {
+                let target = vec3(offset + gap, 0., 0.1 * scale);
+                let mut shader = Shader::new(&stage, &shadows, 1);
+                let ray = Ray {
+                    origin: target + Vec3::Y * scale,
+                    direction: Vec3::NEG_Y,
+                };
+                let sample = shader.shade(1, &ray);
+                assert_eq!(sample.object, 0);
+                assert_eq!(sample.radiance[0] > 0., lit, "{scale} {offset} {gap}");
+                triples.extend(shader.take_triples());
+            }
+            assert_eq!(
+                triples,
+                [Triple {
+                    light: 0,
+                    blocker: 1,
+                    receiver: 0
+                }; 2]
+            );
         }
-        assert_eq!(
-            triples,
-            [Triple {
-                light: 0,
-                blocker: 1,
-                receiver: 0
-            }; 2]
-        );
     }
 }
 

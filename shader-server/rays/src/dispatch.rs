@@ -5,8 +5,9 @@
 #[cfg(target_arch = "x86_64")]
 use crate::kernel::Avx2;
 use crate::{
-    Ray,
+    Ray, Region,
     kernel::Plain,
+    region::touches,
     traverse::{Query, Stack, run},
     world::World,
 };
@@ -48,4 +49,34 @@ pub(crate) fn query<Q: Query>(world: &World, ray: &Ray, t_max: f32, stack: &mut 
 #[target_feature(enable = "avx2")]
 fn run_avx2<Q: Query>(world: &World, ray: &Ray, t_max: f32, stack: &mut Stack, q: &mut Q) {
     run::<Avx2, _>(world, ray, t_max, stack, q);
+}
+
+/// Whether an accepted face may reach into a region.
+#[inline]
+pub(crate) fn region_touched(
+    world: &World,
+    region: &Region,
+    stack: &mut Stack,
+    accept: &mut impl FnMut(u32, u32) -> bool,
+) -> bool {
+    match world.level {
+        Level::Plain => touches(world, region, stack, accept),
+        #[cfg(target_arch = "x86_64")]
+        #[expect(
+            unsafe_code,
+            reason = "only Level::detect makes Avx2, after asking the processor"
+        )]
+        Level::Avx2 => unsafe { touches_avx2(world, region, stack, accept) },
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2")]
+fn touches_avx2(
+    world: &World,
+    region: &Region,
+    stack: &mut Stack,
+    accept: &mut impl FnMut(u32, u32) -> bool,
+) -> bool {
+    touches(world, region, stack, accept)
 }

@@ -24,11 +24,13 @@ mod dispatch;
 mod kernel;
 mod mesh;
 mod node;
+mod region;
 mod traverse;
 mod triangle;
 mod world;
 
 pub use mesh::TriangleMesh;
+pub use region::Region;
 pub use world::World;
 
 use glam::Vec3;

@@ -27,6 +27,11 @@ impl Link {
     }
 
     #[inline(always)]
+    pub(crate) fn is_none(self) -> bool {
+        self == Self::NONE
+    }
+
+    #[inline(always)]
     pub(crate) fn is_leaf(self) -> bool {
         self.0 & Self::LEAF != 0
     }

@@ -18,6 +18,19 @@ pub(crate) struct Entry {
     near: f32,
 }
 
+impl Entry {
+    pub(crate) fn node(index: usize) -> Self {
+        Self {
+            node: index as u32,
+            near: 0.,
+        }
+    }
+
+    pub(crate) fn index(self) -> usize {
+        self.node as usize
+    }
+}
+
 /// Nodes still to be visited, shared by both levels.
 pub(crate) type Stack = Vec<Entry>;
 

@@ -5,10 +5,10 @@ use std::{cell::Cell, sync::Arc};
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Mat3A, Vec3, Vec3A};
 
 use crate::{
-    Bounds, Hit, Occluder, Ray,
+    Bounds, Hit, Occluder, Ray, Region,
     build::binary_tree,
     collapse::collapse,
-    dispatch::{Level, query},
+    dispatch::{Level, query, region_touched},
     mesh::TriangleMesh,
     node::Tree,
     traverse::{Any, Closest, Stack},
@@ -25,6 +25,7 @@ pub(crate) struct Instance {
     pub(crate) traceable: bool,
     identity: bool,
     to_object: Affine3A,
+    to_world: Mat3A,
     bounds: Bounds,
     /// How much more than a unit transform it enlarges rounding errors.
     condition: f32,
@@ -61,9 +62,22 @@ impl Instance {
             traceable,
             identity: transform == Affine3A::IDENTITY,
             to_object,
+            to_world: transform.matrix3,
             bounds: if traceable { bounds } else { Bounds::EMPTY },
             condition: if traceable { condition } else { 1. },
         }
+    }
+
+    /// The linear part of its transform, if that does anything.
+    #[inline(always)]
+    pub(crate) fn to_world_unless_identity(&self) -> Option<&Mat3A> {
+        (!self.identity).then_some(&self.to_world)
+    }
+
+    /// A point of world space in object space.
+    #[inline(always)]
+    pub(crate) fn point_to_object(&self, point: Vec3) -> Vec3 {
+        self.to_object.transform_point3a(Vec3A::from(point)).into()
     }
 
     /// The ray in object space; distances along it stay what they are.
@@ -194,7 +208,7 @@ impl World {
         for index in (0..self.tree.nodes.len()).rev() {
             for lane in 0..self.tree.nodes[index].children.len() {
                 let child = self.tree.nodes[index].children[lane];
-                let bounds = if child == crate::node::Link::NONE {
+                let bounds = if child.is_none() {
                     Bounds::EMPTY
                 } else if child.is_leaf() {
                     self.instances[child.index()].bounds
@@ -269,5 +283,14 @@ impl World {
         query(self, ray, t_max, &mut stack, &mut any);
         STACK.set(stack);
         any.found
+    }
+
+    /// Whether a face for which `accept(instance, face)` holds may reach into `region`. "No" is certain to the rounding of
+    /// coordinates relative to the region's apex; "yes" may be wrong for faces near its edges.
+    pub fn may_touch(&self, region: &Region, mut accept: impl FnMut(u32, u32) -> bool) -> bool {
+        let mut stack = STACK.take();
+        let answer = region_touched(self, region, &mut stack, &mut accept);
+        STACK.set(stack);
+        answer
     }
 }

@@ -169,6 +169,18 @@ impl PolygonShape {
         (point - self.corner).dot(self.normal) > 0.
     }
 
+    /// Corners of the parallelogram that the unit square maps onto, in order around it; the polygon is inside.
+    #[must_use]
+    pub fn enclosing(&self) -> [DVec3; 4] {
+        let [u, v] = self.sides;
+        [
+            self.corner,
+            self.corner + u,
+            self.corner + u + v,
+            self.corner + v,
+        ]
+    }
+
     /// Whether the unit square maps onto the polygon and nothing else.
     #[must_use]
     pub fn fills_square(&self) -> bool {

@@ -1,6 +1,7 @@
 //! Visible share of a polygon, by strata that are divided where light meets shadow.
 
-use glam::{DVec3, Vec2};
+use glam::{DVec3, Vec2, Vec3};
+use rays::Region;
 
 use crate::{
     lights::{PolygonShape, Receiver},
@@ -10,7 +11,7 @@ use crate::{
 
 use super::{
     Shadows,
-    rays::{ShadowRays, sees},
+    rays::{STOP_SHORT, ShadowRays, sees},
 };
 
 /// Strata a side at most.
@@ -38,15 +39,21 @@ impl Level {
     fn changes(&self, beyond: &Beyond) -> Bits {
         let mut changes = [0; FINEST];
         let last = self.size - 1;
-        let differs = |row: usize, from: Option<bool>, columns: u32| match from {
+        let halves = self.size / 2;
+        let differs = |row: usize, corner: Option<bool>, columns: u32| match corner {
             Some(true) => self.known[row] & !self.seen[row] & columns,
             Some(false) => self.known[row] & self.seen[row] & columns,
             None => 0,
         };
-        changes[0] |= differs(0, beyond.bottom, u32::MAX);
-        changes[last] |= differs(last, beyond.top, u32::MAX);
-        for (row, changes) in changes[..self.size].iter_mut().enumerate() {
-            *changes |= differs(row, beyond.left, 1) | differs(row, beyond.right, 1 << last);
+        // Each corner speaks for what lies beyond the nearer halves of its two sides.
+        let (low, high) = (full(halves), full(halves) << (self.size - halves));
+        let [a, b, c, d] = beyond.0;
+        changes[0] |= differs(0, a, low) | differs(0, b, high);
+        changes[last] |= differs(last, d, low) | differs(last, c, high);
+        for i in 0..halves {
+            let (row, mirrored) = (i, last - i);
+            changes[row] |= differs(row, a, 1) | differs(row, b, 1 << last);
+            changes[mirrored] |= differs(mirrored, d, 1) | differs(mirrored, c, 1 << last);
         }
         for row in 0..self.size {
             let (seen, known) = (self.seen[row], self.known[row]);
@@ -91,23 +98,18 @@ fn double(bits: u32) -> u32 {
 
 /// A row of `size` strata.
 fn full(size: usize) -> u32 {
-    u32::MAX >> (FINEST - size)
+    u32::MAX.checked_shr((FINEST - size) as u32).unwrap_or(0)
 }
 
 fn count(bits: &Bits) -> u32 {
     bits.iter().map(|row| row.count_ones()).sum()
 }
 
-/// What the light's corners say of each side of the square: whether both its ends are seen, if they agree.
+/// Whether the corners (0, 0), (1, 0), (1, 1) and (0, 1) of the square are seen, where that is known.
 ///
 /// Shadows come in over the border, and one ray a stratum notices the first tenth of one too seldom.
 #[derive(Default)]
-struct Beyond {
-    bottom: Option<bool>,
-    right: Option<bool>,
-    top: Option<bool>,
-    left: Option<bool>,
-}
+struct Beyond([Option<bool>; 4]);
 
 /// What rays to a light found so far.
 struct Probe<'a> {
@@ -196,19 +198,7 @@ impl Probe<'_> {
 impl Beyond {
     /// From the corners of a light that fills the square.
     fn new(corners: &[Option<bool>]) -> Self {
-        let both = |i: usize, j: usize| {
-            let (a, b) = (
-                corners.get(i).copied().flatten(),
-                corners.get(j).copied().flatten(),
-            );
-            if a == b { a } else { None }
-        };
-        Self {
-            bottom: both(0, 1),
-            right: both(1, 2),
-            top: both(2, 3),
-            left: both(3, 0),
-        }
+        Self(std::array::from_fn(|i| corners.get(i).copied().flatten()))
     }
 }
 
@@ -220,9 +210,56 @@ struct Answer {
     seen: bool,
 }
 
+/// Whether there is certainly nothing between a receiver and a light.
+fn shaft_is_empty(stage: &Stage, receiver: &Receiver, shape: &PolygonShape) -> bool {
+    let own = (receiver.instance, receiver.face);
+    shaft(receiver, shape).is_some_and(|region| {
+        !stage.world().may_touch(&region, |instance, face| {
+            instance != shape.instance && (instance, face) != own
+        })
+    })
+}
+
+/// The pyramid from the receiver over the light, without what shadow rays do not notice: the surface that they start from and
+/// what touches the light. None if the receiver's own plane cuts the light, as rays then start on both sides.
+fn shaft(receiver: &Receiver, shape: &PolygonShape) -> Option<Region> {
+    let corners = shape.enclosing().map(|corner| corner - receiver.position);
+    let face_normal = receiver.face_normal.as_dvec3();
+    let above = corners
+        .iter()
+        .filter(|corner| corner.dot(face_normal) > 0.)
+        .count();
+    let side = match above {
+        4 => 1.,
+        0 => -1.,
+        _ => return None,
+    };
+    let middle = corners.iter().sum::<DVec3>();
+    let reach = corners
+        .iter()
+        .map(|corner| corner.length())
+        .fold(0., f64::max);
+    let clearance = receiver.clearance;
+    let margin = 2. * clearance + 8. * f32::EPSILON * reach as f32;
+    let mut planes = [(Vec3::ZERO, 0.); 6];
+    for (i, plane) in planes[..4].iter_mut().enumerate() {
+        let normal = corners[i].cross(corners[(i + 1) % 4]).normalize_or_zero();
+        let inward = if normal.dot(middle) < 0. {
+            -normal
+        } else {
+            normal
+        };
+        *plane = (inward.as_vec3(), -margin);
+    }
+    planes[4] = ((face_normal * side).as_vec3(), 0.5 * clearance);
+    let to_light = shape.normal.dot(corners[0]) * f64::from(1. - STOP_SHORT);
+    planes[5] = (shape.normal.as_vec3(), to_light as f32);
+    Some(Region::new(receiver.position.as_vec3(), planes))
+}
+
 /// Share of the polygon's unoccluded irradiance that reaches `receiver`.
 ///
-/// The first strata and the corners are asked first. If all agree that is the answer; else strata that differ from a neighbour
+/// If nothing is between the two that is the answer. Else the first strata and the corners are asked. If all agree that is the answer; else strata that differ from a neighbour
 /// are divided in four and asked afresh, as long as the rays allowed last. Fresh rays keep each divided stratum
 /// unbiased; the error is that of strata of the finest size along the shadow's outline, at the cost of that outline alone.
 pub(super) fn fraction(
@@ -233,6 +270,9 @@ pub(super) fn fraction(
     stream: &mut Stream,
     shadows: &mut Shadows,
 ) -> f32 {
+    if shaft_is_empty(stage, receiver, shape) {
+        return 1.;
+    }
     let before = shadows.rays;
     let mut probe = Probe {
         stage,

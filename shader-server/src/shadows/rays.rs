@@ -12,7 +12,7 @@ use crate::{
 use super::{Shadows, Visibility, area};
 
 /// Shadow rays stop short of the light by this share of their length, so that what touches the light does not block it.
-const STOP_SHORT: f32 = 1e-5;
+pub(super) const STOP_SHORT: f32 = 1e-5;
 
 /// Visibility by shadow rays.
 ///
@@ -31,7 +31,7 @@ impl Default for ShadowRays {
     fn default() -> Self {
         Self {
             max_rays: 256,
-            strata: 3,
+            strata: 5,
         }
     }
 }
