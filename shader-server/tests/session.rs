@@ -1,4 +1,5 @@
 //! Whole sessions over loopback, the server in this process.
+#![allow(clippy::unwrap_used)]
 
 mod common;
 

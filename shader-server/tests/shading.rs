@@ -1,4 +1,5 @@
 //! Radiance of scenes whose answer is known in closed form.
+#![allow(clippy::unwrap_used)]
 
 mod common;
 

@@ -1,5 +1,5 @@
 //! A server in this process, a display that talks to it, and small scenes.
-#![allow(dead_code, missing_docs, unreachable_pub)]
+#![allow(dead_code, missing_docs, unreachable_pub, clippy::unwrap_used)]
 
 use std::{collections::HashMap, net::SocketAddr, num::NonZeroUsize, sync::Arc};
 
