@@ -31,7 +31,7 @@ mod world;
 
 pub use mesh::TriangleMesh;
 pub use region::Region;
-pub use world::World;
+pub use world::{Recent, World};
 
 use glam::Vec3;
 

@@ -45,6 +45,14 @@ pub(crate) trait Query {
     /// Whether nearer nodes are worth visiting first.
     const ORDERED: bool;
 
+    /// A leaf to try before all others, as instance and block.
+    fn first_try(&self) -> Option<(u32, u32)> {
+        None
+    }
+
+    /// Notes the leaf that answered the query.
+    fn answered_by(&mut self, _instance: u32, _block: u32) {}
+
     /// Takes the hits of one block, in `lanes`, shortening `t_max` if only nearer ones matter; returns whether the query is answered.
     fn take(
         &mut self,
@@ -134,10 +142,15 @@ impl<K: Kernel, Q: Query> Leaves for MeshLeaves<'_, K, Q> {
     fn visit(&mut self, leaf: usize, t_max: &mut f32, _: &mut Stack) -> bool {
         let block = &self.blocks[leaf];
         let lanes = K::triangles(block, self.ray, *t_max, &mut self.hits);
-        lanes != 0
-            && self
+        if lanes == 0
+            || !self
                 .query
                 .take(self.instance, block, lanes, &self.hits, t_max)
+        {
+            return false;
+        }
+        self.query.answered_by(self.instance, leaf as u32);
+        true
     }
 }
 
@@ -194,6 +207,11 @@ pub(crate) fn run<K: Kernel, Q: Query>(
     stack: &mut Stack,
     query: &mut Q,
 ) {
+    if let Some((instance, block)) = query.first_try()
+        && try_block::<K, Q>(world, ray, &mut t_max, (instance, block), query)
+    {
+        return;
+    }
     let mut leaves = WorldLeaves {
         kernel: PhantomData::<K>,
         world,
@@ -210,6 +228,27 @@ pub(crate) fn run<K: Kernel, Q: Query>(
     } else {
         walk::<K, false>(&world.tree, &local, &mut t_max, stack, &mut leaves);
     }
+}
+
+/// Tries one leaf; returns whether that answers the query.
+#[inline(always)]
+fn try_block<K: Kernel, Q: Query>(
+    world: &World,
+    ray: &Ray,
+    t_max: &mut f32,
+    (index, block): (u32, u32),
+    query: &mut Q,
+) -> bool {
+    let Some(instance) = world.instances.get(index as usize).filter(|i| i.traceable) else {
+        return false;
+    };
+    let Some(block) = instance.mesh.blocks.get(block as usize) else {
+        return false;
+    };
+    let local = LocalRay::new(&instance.to_object(ray), instance.mesh.extent);
+    let mut hits = BlockHits::default();
+    let lanes = K::triangles(block, &local, *t_max, &mut hits);
+    lanes != 0 && query.take(index, block, lanes, &hits, t_max)
 }
 
 /// The closest hit.
@@ -270,10 +309,22 @@ impl Query for Closest {
 pub(crate) struct Any<F> {
     pub(crate) accept: F,
     pub(crate) found: Option<Occluder>,
+    /// Leaf of the last hit of a query like this.
+    pub(crate) recent: Option<(u32, u32)>,
 }
 
 impl<F: FnMut(u32, u32) -> bool> Query for Any<F> {
     const ORDERED: bool = false;
+
+    #[inline(always)]
+    fn first_try(&self) -> Option<(u32, u32)> {
+        self.recent
+    }
+
+    #[inline(always)]
+    fn answered_by(&mut self, instance: u32, block: u32) {
+        self.recent = Some((instance, block));
+    }
 
     #[inline(always)]
     fn take(

@@ -121,6 +121,10 @@ fn transformed(transform: &DAffine3, bounds: Bounds) -> Bounds {
     })
 }
 
+/// What blocked the last of several similar rays, see [`World::occluder_again`]. Good for any world; of use in one.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Recent(Option<(u32, u32)>);
+
 /// Meshes with their places, ready for rays.
 ///
 /// Queries take `&self` and may run on any number of threads. A ray with a number that is not finite, or without a
@@ -272,16 +276,30 @@ impl World {
         t_max: f32,
         accept: impl FnMut(u32, u32) -> bool,
     ) -> Option<Occluder> {
+        self.occluder_again(ray, t_max, &mut Recent::default(), accept)
+    }
+
+    /// Like [`occluder_where`](Self::occluder_where), for rays that may well be blocked by what blocked the last one: what
+    /// is in `recent` is tried first, and changed to what blocks this ray.
+    pub fn occluder_again(
+        &self,
+        ray: &Ray,
+        t_max: f32,
+        recent: &mut Recent,
+        accept: impl FnMut(u32, u32) -> bool,
+    ) -> Option<Occluder> {
         if !ray.is_valid() || self.instances.is_empty() {
             return None;
         }
         let mut any = Any {
             accept,
             found: None,
+            recent: recent.0,
         };
         let mut stack = STACK.take();
         query(self, ray, t_max, &mut stack, &mut any);
         STACK.set(stack);
+        recent.0 = any.recent;
         any.found
     }
 

@@ -10,7 +10,7 @@ use proptest::{
     prelude::*,
     test_runner::{RngAlgorithm, RngSeed},
 };
-use rays::{Ray, TriangleMesh, World};
+use rays::{Ray, Recent, TriangleMesh, World};
 
 fn config() -> ProptestConfig {
     ProptestConfig {
@@ -91,8 +91,11 @@ proptest! {
             (0..1 + random.pick(12)).map(|_| (random.pick(meshes), random_transform(&mut random))).collect();
         let instances: Vec<(&Soup, Affine3A)> = places.iter().map(|&(m, at)| (&soups[m], at)).collect();
         let world = World::new(places.iter().map(|&(m, at)| (Arc::clone(&built[m]), at)).collect());
+        let mut recent = Recent::default();
         for _ in 0..60 {
             let ray = random_ray(&mut random, &soups[0]);
+            let again = world.occluder_again(&ray, 5., &mut recent, |_, _| true);
+            prop_assert_eq!(again.is_some(), world.occluder(&ray, 5.).is_some());
             let t_max = if random.pick(2) == 0 { f32::INFINITY } else { 6. * random.unit() };
             check(&instances, &world, &ray, t_max);
         }

@@ -5,7 +5,7 @@ use protocol::{
     limits::clamp_radiance,
     messages::{NO_OBJECT, Sample, Triple, flags},
 };
-use rays::Ray;
+use rays::{Ray, Recent};
 
 use crate::{
     lights::{Receiver, Shape},
@@ -109,6 +109,8 @@ impl<'a> Shader<'a> {
                 continue;
             }
             let mut stream = stream.part(index as u64);
+            // Which blocker is found must not depend on what was shaded before.
+            self.shadows.recent = Recent::default();
             let seen = self.visibility.fraction(
                 self.stage,
                 emitter,

@@ -11,7 +11,7 @@ use crate::{
 
 use super::{
     Shadows,
-    rays::{STOP_SHORT, ShadowRays, sees},
+    shadow_rays::{STOP_SHORT, ShadowRays, sees},
 };
 
 /// Strata a side at most.

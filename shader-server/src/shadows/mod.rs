@@ -4,9 +4,11 @@
 //! everything.
 
 mod area;
-mod rays;
+mod shadow_rays;
 
-pub use self::rays::ShadowRays;
+pub use self::shadow_rays::ShadowRays;
+
+use rays::Recent;
 
 use crate::{
     lights::{Emitter, Receiver},
@@ -21,6 +23,8 @@ pub struct Shadows {
     pub blockers: Vec<u32>,
     /// Rays traced since this was made.
     pub rays: u64,
+    /// What blocked last; blockers of one light and point are often the same.
+    pub(crate) recent: Recent,
 }
 
 impl Shadows {

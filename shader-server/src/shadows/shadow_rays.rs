@@ -79,11 +79,11 @@ pub(super) fn sees(
     };
     shadows.rays += 1;
     let own = (receiver.instance, receiver.face);
+    let accept = |instance, face| Some(instance) != light && (instance, face) != own;
+    let recent = &mut shadows.recent;
     let blocker = stage
         .world()
-        .occluder_where(&ray, 1. - STOP_SHORT, |instance, face| {
-            Some(instance) != light && (instance, face) != own
-        });
+        .occluder_again(&ray, 1. - STOP_SHORT, recent, accept);
     if let Some(blocker) = blocker {
         shadows.block(blocker.instance);
     }
