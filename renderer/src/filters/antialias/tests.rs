@@ -3,7 +3,8 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::edges::crossings::Crossings;
-use crate::epi::code::Places;
+use crate::epi::code::{NO_NEIGHBOUR, Places};
+use crate::epi::reach_tables::relation;
 use crate::epi::testing::{Random, any_crossings, config, draw_line, image, lines};
 use crate::epi::timing::{SIZES, best_ms};
 
@@ -173,6 +174,35 @@ proptest! {
                 prop_assert_eq!(colours[0][at], before[0][at]);
             }
             prop_assert!((0.0..=1.0).contains(&colours[0][at]));
+        }
+    }
+
+    /// The lender against the paper's tables, neighbour by neighbour.
+    #[test]
+    fn lender_is_the_first_that_the_tables_join(crossings in any_crossings(), seed: u64) {
+        let random = &mut Random::new(seed);
+        let epi = image(&crossings, 0.5, Places::Bits4, random);
+        let reach = reach_of(&epi);
+        let bare: Vec<u64> = (0..epi.grid.plane_words()).map(|_| random.next() & random.next()).collect();
+        let inputs = Inputs { epi: &epi, reach: &reach, bare: &bare, direct: None };
+        for (x, y) in (0..epi.grid.height).flat_map(|y| (0..epi.grid.width).map(move |x| (x, y))) {
+            let code = epi.code_at(x, y);
+            if !code.is_simple() {
+                continue;
+            }
+            let (word, bit) = epi.grid.bit(x, y);
+            let donors = epi.tables().donors(code, epi.primary_inner[word] >> bit & 1 == 0);
+            let expected = donors.iter().filter(|&&n| n != NO_NEIGHBOUR).find_map(|&n| {
+                let (dx, dy) = NEIGHBOURS[usize::from(n)];
+                if relation(&epi, (x as i32, y as i32), (dx, dy)) >> SP & 1 == 0 {
+                    return None;
+                }
+                let (nx, ny) = ((x as i32 + dx) as usize, (y as i32 + dy) as usize);
+                let (word, bit) = epi.grid.bit(nx, ny);
+                (bare[word] >> bit & 1 == 0).then(|| epi.grid.at(nx, ny))
+            });
+            let sides = lending_sides(&reach, x / 64, y);
+            prop_assert_eq!(lender(&inputs, &sides, (x, y), donors), expected);
         }
     }
 

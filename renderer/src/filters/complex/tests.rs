@@ -101,6 +101,63 @@ proptest! {
     }
 
     #[test]
+    fn neighbourhoods_are_taken_bit_by_bit(width in 1usize..200, height in 1usize..5, seed: u64) {
+        let random = &mut Random::new(seed);
+        let grid = Grid::new(width, height);
+        let plane: Vec<u64> =
+            (0..grid.plane_words()).map(|i| random.next() & grid.valid(i % grid.words)).collect();
+        for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+            let around = neighbourhood(grid, &plane, (x, y));
+            for pixel in 0..9 {
+                let (px, py) = ((x + pixel % 3).wrapping_sub(1), (y + pixel / 3).wrapping_sub(1));
+                let set = px < width && py < height && {
+                    let (word, bit) = grid.bit(px, py);
+                    plane[word] >> bit & 1 != 0
+                };
+                prop_assert_eq!(around >> pixel & 1 != 0, set, "{:?}", (x, y, pixel));
+            }
+        }
+    }
+
+    /// Samples are found in the sub-pixel and on the side of its edge where they lie.
+    #[test]
+    fn samples_are_located_by_their_place(seed: u64) {
+        let random = &mut Random::new(seed);
+        let crossings = random_crossings(5, 5, 0.4, random);
+        let sub = Subpixels::load(&crossings, (2, 2));
+        let tables = SubTables::default();
+        // The place on the sub-pixel's boundary, quarters of a side clockwise from the top left.
+        let boundary = |along: f64| match along as usize / 4 {
+            0 => [along / 4.0, 0.0],
+            1 => [1.0, along / 4.0 - 1.0],
+            2 => [3.0 - along / 4.0, 1.0],
+            _ => [0.0, 4.0 - along / 4.0],
+        };
+        for pixel in 0..9 {
+            let place = [random.unit(), random.unit()];
+            let (column, row) = (pixel % 3, pixel / 3);
+            let [high_x, high_y] = place.map(|v| usize::from(v >= 0.5));
+            let at = (2 * column + high_x, 2 * row + high_y);
+            let found = tables.locate(&sub, (column, row), place.map(|v| v as f32));
+            let Some(code) = sub.code(at) else {
+                prop_assert_eq!(found, sub.is_open(at).then(|| (sub_bit(at.0, at.1), 0)));
+                continue;
+            };
+            let within = [place[0] * 2.0 - high_x as f64, place[1] * 2.0 - high_y as f64];
+            let [a, b] = [code / 16, code % 16].map(|segment| boundary(segment as f64 + 0.5));
+            let side = (b[0] - a[0]) * (within[1] - a[1]) - (b[1] - a[1]) * (within[0] - a[0]);
+            if let Some((bit, region)) = found {
+                prop_assert_eq!(bit, sub_bit(at.0, at.1));
+                prop_assert_eq!(region, usize::from(side < 0.0));
+            } else {
+                // Half a segment and a cell's diagonal away the side is certain.
+                let distance = side.abs() / (b[0] - a[0]).hypot(b[1] - a[1]);
+                prop_assert!(distance < 0.125 + 0.18, "{} is not ambiguous", distance);
+            }
+        }
+    }
+
+    #[test]
     fn writes_complex_pixels_only_and_invents_no_colour(crossings in any_crossings(), seed: u64) {
         let random = &mut Random::new(seed);
         let epi = image(&crossings, 0.3, Places::Bits4, random);
@@ -126,7 +183,17 @@ proptest! {
     }
 }
 
-/// A picture of straight edges, every face between them of one random colour.
+#[test]
+fn corners_of_pixels_are_corners_of_their_subpixels() {
+    for (corner, (right, low)) in [(0, 0), (1, 0), (1, 1), (0, 1)].into_iter().enumerate() {
+        for pixel in 0..9 {
+            let expected = sub_bit(2 * (pixel % 3) + right, 2 * (pixel / 3) + low);
+            assert_eq!(at_corner(1 << pixel, corner), expected);
+        }
+    }
+}
+
+/// A picture of straight edges, every face between them of a random colour that changes slowly.
 struct Faces {
     lines: Vec<[[f64; 2]; 2]>,
     salt: u64,
@@ -161,7 +228,9 @@ impl Faces {
             face.rotate_left(5).wrapping_mul(0x9E37_79B9_7F4A_7C15) ^ u64::from(side > 0.0)
         });
         let random = &mut Random::new(face);
-        [(); 3].map(|()| random.unit() as f32)
+        let slope = [(); 2].map(|()| 0.1 * (random.unit() - 0.5));
+        let shade = (place[0] * slope[0] + place[1] * slope[1]) as f32;
+        [(); 3].map(|()| random.unit() as f32 + shade)
     }
 
     /// Mean over a pixel.
@@ -209,11 +278,10 @@ fn scene(faces: &Faces, size: usize, share: f64, random: &mut Random) -> Scene {
     epi.set_primary(&places(&samples));
     let mut reach = ReachMap::new(size, size);
     reach.compute(Level::new(), &epi);
-    let mut usable = samples.clone();
-    usable.has.clone_from(&epi.has_sample);
     let mut plain = Interpolated::new(samples.grid);
     let inputs = interpolate::Inputs {
-        samples: &usable,
+        samples: &samples,
+        has: &epi.has_sample,
         reach: &reach,
         complex: &epi.complex,
         centre_x: &epi.centre_px[0],
