@@ -14,10 +14,10 @@ fn main() -> ExitCode {
     match measured {
         Ok(summary) => {
             println!("{}", summary.page.display());
-            for text in &summary.missing {
-                eprintln!("report: not measured: {text}");
+            for (reason, count) in &summary.missing {
+                eprintln!("report: {count} measurements are missing: {reason}");
             }
-            ExitCode::from(u8::from(!summary.missing.is_empty()))
+            ExitCode::from(u8::from(summary.failed))
         }
         Err(error) => {
             eprintln!("report: {error}");

@@ -4,12 +4,14 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use super::Places;
+
 /// A scene with a still camera and perhaps an independent picture of it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Case {
     /// Short name, unique, fit for a file name.
     pub name: String,
-    /// What to pass to the renderer: a built-in name or a file.
+    /// The scene file.
     pub scene: PathBuf,
     /// A picture of the still camera by an independent renderer, linear EXR.
     pub picture: Option<PathBuf>,
@@ -23,21 +25,21 @@ pub struct Case {
 ///
 /// # Errors
 /// When a scene file cannot be adapted into `work`.
-pub fn find(shared: Option<&Path>, work: &Path, quick: bool) -> io::Result<Vec<Case>> {
+pub fn find(places: &Places, work: &Path, quick: bool) -> io::Result<Vec<Case>> {
     let mut cases = Vec::new();
-    if let Some(shared) = shared {
+    if let Some(shared) = &places.shared {
         cases.extend(references(&shared.join("references"), work)?);
     }
     if cases.is_empty() || !quick {
-        cases.extend(["chains", "rooms"].map(built_in));
+        cases.extend(["chains", "rooms"].map(|name| own(&places.checkout, name)));
     }
     Ok(cases)
 }
 
-fn built_in(name: &str) -> Case {
+fn own(checkout: &Path, name: &str) -> Case {
     Case {
         name: name.to_owned(),
-        scene: name.into(),
+        scene: checkout.join(format!("scenes/{name}.toml")),
         picture: None,
         path: Some("orbit".to_owned()),
         remark: "Judged by the renderer's own reference method.".to_owned(),
@@ -102,10 +104,11 @@ mod tests {
     }
 
     #[test]
-    fn without_references_the_built_in_scenes_are_measured() {
+    fn without_references_the_project_s_scenes_are_measured() {
         let folder = tempfile::tempdir().unwrap();
         let cases = references(folder.path(), folder.path()).unwrap();
         assert!(cases.is_empty());
-        assert_eq!(built_in("rooms").scene, Path::new("rooms"));
+        let rooms = own(Path::new("checkout"), "rooms");
+        assert_eq!(rooms.scene, Path::new("checkout/scenes/rooms.toml"));
     }
 }

@@ -40,14 +40,14 @@ impl Settings {
     pub fn quick() -> Self {
         Self {
             size_px: [256, 256],
-            still_frames: 20,
+            still_frames: 10,
             settled_frames: None,
             reference_spp: 16,
-            spp_steps: &[4],
+            spp_steps: &[2],
             path_shares: &[200, 1000],
-            path_size_px: [256, 256],
+            path_size_px: [160, 160],
             path_reference_spp: 4,
-            timed: &[([512, 512], 30), ([1920, 1080], 8), ([3840, 2160], 3)],
+            timed: &[([512, 512], 20), ([1920, 1080], 5), ([3840, 2160], 2)],
         }
     }
 
@@ -78,6 +78,7 @@ pub struct Lab<'a> {
     pub machine: Machine,
     work: PathBuf,
     start: Instant,
+    section_end: Instant,
     deadline: Instant,
     runs: HashMap<Job, Result<Rc<Run>, RunError>>,
     started: usize,
@@ -107,15 +108,24 @@ impl<'a> Lab<'a> {
             machine,
             work,
             start,
+            section_end: start,
             deadline: start,
             runs: HashMap::new(),
             started: 0,
         }
     }
 
-    /// Gives the runs from now on this much time altogether.
+    /// Gives the runs of a section, from now on, this much time altogether.
     pub fn allow(&mut self, time: Duration) {
-        self.deadline = Instant::now() + time;
+        self.section_end = Instant::now() + time;
+        self.deadline = self.section_end;
+    }
+
+    /// Gives the runs from now on their share of the section's remaining time, when `parts` of equal weight are left.
+    pub fn allow_part(&mut self, parts: usize) {
+        let now = Instant::now();
+        let left = self.section_end.saturating_duration_since(now);
+        self.deadline = now + left / u32::try_from(parts.max(1)).unwrap_or(u32::MAX);
     }
 
     /// The run of `job`, made now or taken from before. Pictures of frames not in `keep` are removed, to save space.
@@ -211,7 +221,10 @@ pub fn or_missing<T, E: std::fmt::Display>(
     match result {
         Ok(value) => Some(value),
         Err(error) => {
-            let block = Block::Missing(format!("{what}: {error}"));
+            let block = Block::Missing {
+                what: what.to_owned(),
+                reason: error.to_string(),
+            };
             if !blocks.contains(&block) {
                 blocks.push(block);
             }

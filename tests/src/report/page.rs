@@ -11,7 +11,12 @@ pub enum Block {
     /// A paragraph.
     Text(String),
     /// Something that could not be measured, and why.
-    Missing(String),
+    Missing {
+        /// The figure or the picture.
+        what: String,
+        /// Why it is missing.
+        reason: String,
+    },
     /// A table, also written as CSV.
     Table(Table),
     /// A chart, its points also written as CSV.
@@ -59,7 +64,7 @@ pub fn csv_files(parts: &[Part]) -> Vec<(String, String)> {
     let table = |block: &Block| match block {
         Block::Table(table) => Some(table.clone()),
         Block::Chart(chart) => Some(chart.to_table()),
-        Block::Text(_) | Block::Missing(_) | Block::Picture { .. } => None,
+        Block::Text(_) | Block::Missing { .. } | Block::Picture { .. } => None,
     };
     blocks
         .filter_map(table)
@@ -70,8 +75,12 @@ pub fn csv_files(parts: &[Part]) -> Vec<(String, String)> {
 fn block_html(block: &Block) -> String {
     match block {
         Block::Text(text) => format!("<p>{}</p>\n", escape(text)),
-        Block::Missing(text) => {
-            format!("<p class=\"missing\">Not measured: {}</p>\n", escape(text))
+        Block::Missing { what, reason } => {
+            format!(
+                "<p class=\"missing\">{}: not measured: {}</p>\n",
+                escape(what),
+                escape(reason)
+            )
         }
         Block::Table(table) => table.to_html(),
         Block::Chart(chart) => match chart.to_svg() {
@@ -79,16 +88,23 @@ fn block_html(block: &Block) -> String {
                 "<figure>{svg}<figcaption><a href=\"{file}.csv\">CSV</a></figcaption></figure>\n",
                 file = escape(&chart.file),
             ),
-            Err(error) => block_html(&Block::Missing(error.to_string())),
+            Err(error) => missing_html(&chart.title, &error),
         },
         Block::Picture { picture, caption } => match data_uri(picture) {
             Ok(uri) => format!(
                 "<figure><img src=\"{uri}\" alt=\"{text}\"><figcaption>{text}</figcaption></figure>\n",
                 text = escape(caption),
             ),
-            Err(error) => block_html(&Block::Missing(format!("{caption}: {error}"))),
+            Err(error) => missing_html(caption, &error),
         },
     }
+}
+
+fn missing_html(what: &str, error: &dyn std::error::Error) -> String {
+    block_html(&Block::Missing {
+        what: what.to_owned(),
+        reason: error.to_string(),
+    })
 }
 
 /// Text made safe between tags and in attributes.
@@ -159,7 +175,10 @@ mod tests {
             title: "A & B".to_owned(),
             blocks: vec![
                 Block::Text("hello".to_owned()),
-                Block::Missing("no renderer".to_owned()),
+                Block::Missing {
+                    what: "a".to_owned(),
+                    reason: "no renderer".to_owned(),
+                },
                 Block::Table(table),
                 Block::Chart(Chart::new("empty", "Empty", "x", "y")),
                 Block::Picture {

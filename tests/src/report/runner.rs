@@ -176,7 +176,7 @@ pub enum RunError {
         args: String,
         /// How it ended.
         status: String,
-        /// The last line of its error output.
+        /// The line of its error output that says so.
         stderr: String,
     },
     /// A file or a process of the run cannot be used.
@@ -262,11 +262,15 @@ impl Render for Renderer {
         let wall_ms = start.elapsed().as_secs_f64() * 1e3;
         if !status.success() {
             let text = String::from_utf8_lossy(&fs::read(&log_file)?).into_owned();
-            let last = text
-                .lines()
-                .rev()
-                .find(|l| !l.trim().is_empty())
-                .unwrap_or("it said nothing");
+            let mut lines = text.lines().filter(|l| !l.trim().is_empty());
+            // A program says first what is wrong; what follows may be a back trace.
+            let said = lines
+                .clone()
+                .find(|l| l.to_ascii_lowercase().contains("error"));
+            let said = said
+                .or(lines.next())
+                .unwrap_or("it said nothing")
+                .to_owned();
             let args = args
                 .iter()
                 .map(|a| a.to_string_lossy())
@@ -275,7 +279,7 @@ impl Render for Renderer {
             return Err(RunError::Failed {
                 args,
                 status: status.to_string(),
-                stderr: last.to_owned(),
+                stderr: said,
             });
         }
         let frames = stats::parse(&fs::read_to_string(&stats_file)?)
@@ -346,7 +350,7 @@ mod tests {
 
         let bad = script(
             folder.path(),
-            "echo first >&2; echo 'no such scene' >&2; exit 2",
+            "echo 'Error: no such scene' >&2; echo trace >&2; exit 2",
         );
         let error = bad
             .render(&job(), folder.path(), soon())

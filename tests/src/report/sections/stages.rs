@@ -53,12 +53,14 @@ fn measure(lab: &mut Lab) -> Vec<Block> {
         "Medians and 95th percentiles over the frames of a path, 2 % of the pixels sampled a frame, lockstep. Waiting for \
          samples is no stage and not in the total.{clock}"
     ))];
-    for case in lab.cases.clone() {
+    let cases = lab.cases.clone();
+    for (i, case) in cases.iter().enumerate() {
+        lab.allow_part(cases.len() - i);
         for (threads, name) in [(1, "one core"), (lab.machine.cores as u32, "all cores")] {
             if threads == 1 && name == "all cores" {
                 continue;
             }
-            let runs = timed_runs(lab, &case, Some(threads));
+            let runs = timed_runs(lab, case, Some(threads));
             let mut measured = Vec::new();
             for (size, run) in runs {
                 let what = format!("{}, {name}, {}x{}", case.name, size[0], size[1]);
@@ -66,7 +68,7 @@ fn measure(lab: &mut Lab) -> Vec<Block> {
             }
             if !measured.is_empty() {
                 let cycles = ghz.filter(|_| threads == 1);
-                blocks.push(Block::Table(table(&case, name, &measured, cycles)));
+                blocks.push(Block::Table(table(case, name, &measured, cycles)));
             }
         }
     }

@@ -67,16 +67,18 @@ fn measure(lab: &mut Lab) -> Vec<Block> {
          bias that reconstruction leaves however fast samples come; only averaging of further samples goes below it."
             .to_owned(),
     )];
-    for case in lab.cases.clone() {
+    let cases = lab.cases.clone();
+    for (i, case) in cases.iter().enumerate() {
+        lab.allow_part(cases.len() - i);
         blocks.push(Block::Text(format!("{}. {}", case.name, case.remark)));
-        let reference = lab.still_reference(&case);
+        let reference = lab.still_reference(case);
         let Some(reference) = or_missing(&mut blocks, &case.name, reference) else {
             continue;
         };
-        let (curves, floor) = curves(lab, &case, &reference, &mut blocks);
+        let (curves, floor) = curves(lab, case, &reference, &mut blocks);
         if curves.iter().any(|c| !c.points.is_empty()) {
-            blocks.push(Block::Table(table(&case, &curves, floor.as_ref())));
-            blocks.extend(charts(&case, &curves, floor.as_ref()).map(Block::Chart));
+            blocks.push(Block::Table(table(case, &curves, floor.as_ref())));
+            blocks.extend(charts(case, &curves, floor.as_ref()).map(Block::Chart));
         }
     }
     blocks
@@ -111,7 +113,8 @@ fn curves(
         let mut points = Vec::new();
         for (job, counts) in jobs {
             let judged = judge_run(lab, &job, &counts, reference);
-            points.extend(or_missing(blocks, &label, judged).into_iter().flatten());
+            let what = format!("{}, {label}", case.name);
+            points.extend(or_missing(blocks, &what, judged).into_iter().flatten());
         }
         curves.push(Curve { label, points });
     };
@@ -157,7 +160,7 @@ fn curves(
             ..job
         };
         let judged = judge_run(lab, &job, &counts, reference);
-        or_missing(blocks, "floor", judged)?.pop()
+        or_missing(blocks, &format!("{}, floor", case.name), judged)?.pop()
     });
     (curves, floor)
 }

@@ -1,0 +1,13 @@
+//! Tests of the real binaries as processes, talking over loopback.
+
+#![expect(
+    clippy::unwrap_used,
+    reason = "a failed step of a test is a failed test, in its helpers too"
+)]
+
+mod bad_input;
+mod lockstep;
+mod no_display;
+mod python;
+mod servers;
+mod support;
