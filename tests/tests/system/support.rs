@@ -13,16 +13,16 @@ use system_tests::places;
 use tempfile::TempDir;
 
 /// No run of these tests takes longer than this unless something hangs.
-pub const LIMIT: Duration = Duration::from_secs(120);
+pub(crate) const LIMIT: Duration = Duration::from_secs(120);
 
 /// Where the binaries are.
-pub struct Binaries {
-    pub renderer: PathBuf,
-    pub shader_server: PathBuf,
+pub(crate) struct Binaries {
+    pub(crate) renderer: PathBuf,
+    pub(crate) shader_server: PathBuf,
 }
 
 /// The binaries of this test's own profile, brought up to date once: cargo names only a package's own binaries to its tests.
-pub fn binaries() -> &'static Binaries {
+pub(crate) fn binaries() -> &'static Binaries {
     static BUILT: OnceLock<Binaries> = OnceLock::new();
     BUILT.get_or_init(|| {
         let own = std::env::current_exe().unwrap();
@@ -57,16 +57,16 @@ pub fn binaries() -> &'static Binaries {
 }
 
 /// What a process said and how it ended.
-pub struct Outcome {
-    pub code: Option<i32>,
-    pub stdout: String,
-    pub stderr: String,
+pub(crate) struct Outcome {
+    pub(crate) code: Option<i32>,
+    pub(crate) stdout: String,
+    pub(crate) stderr: String,
 }
 
 impl Outcome {
     /// Itself, if the process ended well.
     #[track_caller]
-    pub fn succeeded(self) -> Self {
+    pub(crate) fn succeeded(self) -> Self {
         assert_eq!(
             self.code,
             Some(0),
@@ -79,14 +79,14 @@ impl Outcome {
 }
 
 /// A process that is ended when dropped, its output kept in files.
-pub struct Running {
+pub(crate) struct Running {
     child: Child,
     folder: TempDir,
     start: Instant,
 }
 
 impl Running {
-    pub fn start(command: &mut Command) -> Self {
+    pub(crate) fn start(command: &mut Command) -> Self {
         let folder = tempfile::tempdir().unwrap();
         let file = |name| fs::File::create(folder.path().join(name)).unwrap();
         let child = command
@@ -104,7 +104,7 @@ impl Running {
 
     /// Waits for the end; a process past the limit is ended and fails the test.
     #[track_caller]
-    pub fn finish(mut self) -> Outcome {
+    pub(crate) fn finish(mut self) -> Outcome {
         let text = |name| {
             let bytes = fs::read(self.folder.path().join(name)).unwrap();
             String::from_utf8_lossy(&bytes).into_owned()
@@ -129,7 +129,7 @@ impl Running {
     }
 
     /// Whether it has not ended yet.
-    pub fn is_running(&mut self) -> bool {
+    pub(crate) fn is_running(&mut self) -> bool {
         self.child.try_wait().unwrap().is_none()
     }
 }
@@ -143,18 +143,18 @@ impl Drop for Running {
 
 /// Runs the renderer to its end.
 #[track_caller]
-pub fn renderer<S: AsRef<OsStr>>(args: impl IntoIterator<Item = S>) -> Outcome {
+pub(crate) fn renderer<S: AsRef<OsStr>>(args: impl IntoIterator<Item = S>) -> Outcome {
     Running::start(Command::new(&binaries().renderer).args(args)).finish()
 }
 
 /// A shader server on a free port of loopback, ended when dropped.
-pub struct ShaderServer {
+pub(crate) struct ShaderServer {
     child: Child,
-    pub address: String,
+    pub(crate) address: String,
 }
 
 impl ShaderServer {
-    pub fn start() -> Self {
+    pub(crate) fn start() -> Self {
         let mut child = Command::new(&binaries().shader_server)
             .args(["--listen", "127.0.0.1:0", "--threads", "1"])
             .stdin(Stdio::null())
@@ -179,7 +179,7 @@ impl ShaderServer {
     }
 
     /// Ends the process as a crash would.
-    pub fn kill(&mut self) {
+    pub(crate) fn kill(&mut self) {
         self.child.kill().unwrap();
         self.child.wait().unwrap();
     }
@@ -237,7 +237,7 @@ keys = [
 "#;
 
 /// A fresh folder with a cube on a floor under an area light, and its scene file.
-pub fn small_scene() -> (TempDir, PathBuf) {
+pub(crate) fn small_scene() -> (TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     for (name, text) in [
         ("cube.obj", CUBE),
@@ -251,7 +251,7 @@ pub fn small_scene() -> (TempDir, PathBuf) {
 }
 
 /// Arguments of `render` for a scene, written to `out` with statistics in `out`/stats.jsonl.
-pub fn render_args(scene: &Path, out: &Path, more: &[&str]) -> Vec<String> {
+pub(crate) fn render_args(scene: &Path, out: &Path, more: &[&str]) -> Vec<String> {
     let stats = out.join("stats.jsonl");
     let fixed = [
         "render",
@@ -270,7 +270,7 @@ pub fn render_args(scene: &Path, out: &Path, more: &[&str]) -> Vec<String> {
 }
 
 /// Names and bytes of the frames in a folder, by name.
-pub fn frames(folder: &Path) -> Vec<(String, Vec<u8>)> {
+pub(crate) fn frames(folder: &Path) -> Vec<(String, Vec<u8>)> {
     let entries = fs::read_dir(folder).unwrap().map(|e| e.unwrap().path());
     let mut frames: Vec<(String, Vec<u8>)> = entries
         .filter_map(|path| {
@@ -284,13 +284,13 @@ pub fn frames(folder: &Path) -> Vec<(String, Vec<u8>)> {
 }
 
 /// Lines of a statistics file so far; none while there is no file.
-pub fn stats_lines(out: &Path) -> usize {
+pub(crate) fn stats_lines(out: &Path) -> usize {
     fs::read_to_string(out.join("stats.jsonl")).map_or(0, |text| text.lines().count())
 }
 
 /// Waits until the statistics have this many lines; fails if the process ends or the limit passes first.
 #[track_caller]
-pub fn wait_for_frames(process: &mut Running, out: &Path, lines: usize) {
+pub(crate) fn wait_for_frames(process: &mut Running, out: &Path, lines: usize) {
     let start = Instant::now();
     while stats_lines(out) < lines {
         assert!(
