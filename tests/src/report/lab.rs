@@ -42,11 +42,11 @@ impl Settings {
             size_px: [256, 256],
             still_frames: 10,
             settled_frames: None,
-            reference_spp: 16,
+            reference_spp: 8,
             spp_steps: &[2],
             path_shares: &[200, 1000],
             path_size_px: [160, 160],
-            path_reference_spp: 4,
+            path_reference_spp: 2,
             timed: &[([512, 512], 20), ([1920, 1080], 5), ([3840, 2160], 2)],
         }
     }

@@ -91,7 +91,7 @@ fn crop_block(case: &Case, what: &str, panels: &[RgbImage], origin_px: [u32; 2])
     )
     .ok()?;
     let caption = format!(
-        "{}, where there {what} (pixel {}, {}): edge-and-point, points-only, full, reference, FLIP map of the first.",
+        "{}, where it has {what} (pixel {}, {}): edge-and-point, points-only, full, reference, FLIP map of the first.",
         case.name, origin_px[0], origin_px[1],
     );
     Some(Block::Picture { picture, caption })
