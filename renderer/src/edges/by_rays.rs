@@ -26,7 +26,7 @@ pub struct RaySettings {
 impl Default for RaySettings {
     fn default() -> Self {
         Self {
-            spacing_px: 4.0,
+            spacing_px: 6.0,
             precision_px: 0.25,
             tolerance: 1e-5,
         }

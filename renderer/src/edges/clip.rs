@@ -42,6 +42,7 @@ impl Projector {
     /// Clips at the near plane and far outside of the picture, projects and snaps. An end that is not clipped goes to
     /// the same grid point in every segment that has it. Nothing if none of the segment can be seen, or if a
     /// coordinate is not finite.
+    #[inline]
     pub fn project(&self, from: [f32; 3], to: [f32; 3]) -> Option<ImageSegment> {
         let (a, b) = (from.map(f64::from), to.map(f64::from));
         let mut along = [0.0_f64, 1.0];
@@ -70,17 +71,20 @@ impl Projector {
     }
 
     /// Signed distances to the five planes, positive inside.
+    #[inline]
     fn distances(&self, p: [f64; 3]) -> [f64; 5] {
         let (x, y) = (p[0] * self.focal, p[1] * self.focal);
         let (gx, gy) = (self.guard[0] * p[2], self.guard[1] * p[2]);
         [p[2] - NEAR, gx - x, gx + x, gy - y, gy + y]
     }
 
+    #[inline]
     fn within(&self, p: [f64; 3]) -> bool {
         // A NaN is not within.
         self.distances(p).iter().all(|d| *d >= 0.0)
     }
 
+    #[cold]
     fn clip(&self, a: [f64; 3], b: [f64; 3]) -> Option<[f64; 2]> {
         let (da, db) = (self.distances(a), self.distances(b));
         let (mut t0, mut t1) = (0.0_f64, 1.0_f64);
@@ -97,6 +101,7 @@ impl Projector {
         (t0 < t1).then_some([t0, t1])
     }
 
+    #[inline]
     fn snap(&self, p: [f64; 3], inverse_depth: f64) -> [i64; 2] {
         let s = self.focal * inverse_depth;
         let x = self.half[0] + p[0] * s;
@@ -106,6 +111,7 @@ impl Projector {
 }
 
 /// Rounds pixels to the grid. What rounding errors left outside of the guard band goes to its rim.
+#[inline]
 fn fixed(px: f64, guard: f64) -> i64 {
     round(px.clamp(-2.0 * guard, 2.0 * guard) * SUBPIXELS as f64)
 }

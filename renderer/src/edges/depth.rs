@@ -33,13 +33,20 @@ impl Default for DepthOffset {
 const BEFORE: usize = 2;
 const AFTER: usize = 1;
 
+/// Stands for an unknown depth; depths are positive.
+const UNKNOWN: f32 = 0.0;
+
 /// A depth behind which an edge is taken to be hidden, by pixel.
 #[derive(Clone, Debug, Default)]
 pub struct FilteredDepth {
     width: usize,
     height: usize,
     depth: Vec<f32>,
-    rows: Vec<(f32, u8)>,
+    /// Greatest known depth in four columns, row by row, with a margin.
+    most: Vec<f32>,
+    /// How many of the four are known.
+    known: Vec<f32>,
+    padded: Vec<f32>,
 }
 
 impl FilteredDepth {
@@ -47,35 +54,39 @@ impl FilteredDepth {
     /// Allocates only when the size grows.
     pub fn filter(&mut self, buffer: &DepthBuffer, offset: DepthOffset) {
         let (width, height) = (buffer.width, buffer.height);
+        let margin = BEFORE + AFTER;
         (self.width, self.height) = (width, height);
         self.depth.clear();
         self.depth.resize(width * height, f32::INFINITY);
-        self.rows.clear();
-        self.rows.resize(width * height, (f32::NEG_INFINITY, 0));
+        self.padded.clear();
+        self.padded.resize(width + margin, UNKNOWN);
+        for table in [&mut self.most, &mut self.known] {
+            table.clear();
+            table.resize(width * (height + margin), 0.0);
+        }
         for y in 0..height {
             let source = &buffer.depth[y * width..(y + 1) * width];
-            for (x, row) in self.rows[y * width..(y + 1) * width].iter_mut().enumerate() {
-                for depth in &source[x.saturating_sub(BEFORE)..(x + AFTER + 1).min(width)] {
-                    if depth.is_finite() {
-                        *row = (row.0.max(*depth), row.1 + 1);
-                    }
-                }
+            for (to, from) in self.padded[BEFORE..].iter_mut().zip(source) {
+                *to = if from.is_finite() { *from } else { UNKNOWN };
+            }
+            let row = (y + BEFORE) * width..(y + BEFORE + 1) * width;
+            let (most, known) = (&mut self.most[row.clone()], &mut self.known[row]);
+            for x in 0..width {
+                let four: &[f32] = &self.padded[x..x + margin + 1];
+                most[x] = four.iter().fold(UNKNOWN, |m, d| m.max(*d));
+                known[x] = four.iter().map(|d| f32::from(u8::from(*d > UNKNOWN))).sum();
             }
         }
         for y in 0..height {
-            let (first, last) = (y.saturating_sub(BEFORE), (y + AFTER).min(height - 1));
+            let row = |k: usize| (y + k) * width..(y + k + 1) * width;
+            let out = &mut self.depth[y * width..(y + 1) * width];
+            let most: [&[f32]; 4] = std::array::from_fn(|k| &self.most[row(k)]);
+            let known: [&[f32]; 4] = std::array::from_fn(|k| &self.known[row(k)]);
             for x in 0..width {
-                let (mut most, mut known) = (f32::NEG_INFINITY, 0);
-                for row in first..=last {
-                    let (m, k) = self.rows[row * width + x];
-                    most = most.max(m);
-                    known += k;
-                }
-                if known > 0 {
-                    let missing = 1.0 - f32::from(known) / 16.0;
-                    self.depth[y * width + x] =
-                        most * (1.0 + offset.dense + offset.sparse * missing);
-                }
+                let m = most[0][x].max(most[1][x]).max(most[2][x]).max(most[3][x]);
+                let k = known[0][x] + known[1][x] + known[2][x] + known[3][x];
+                let limit = m * (1.0 + offset.dense + offset.sparse * (1.0 - k / 16.0));
+                out[x] = if k > 0.0 { limit } else { f32::INFINITY };
             }
         }
     }

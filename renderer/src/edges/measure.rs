@@ -206,7 +206,7 @@ fn precision_and_recall() {
         let Some(loaded) = shared(path) else { continue };
         let view = view(&loaded.camera, 512);
         let world = world_of(&loaded.scene);
-        let truth = Truth::new(&loaded.scene, &world, &view, 8, 0.002);
+        let truth = Truth::new(&loaded.scene, &world, &view, 4, 0.002);
         let mut finder = EdgeFinder::new(&loaded.scene);
         let mut edges = EdgeList::default();
         finder.find(&view, &mut edges);
@@ -226,29 +226,40 @@ fn precision_and_recall() {
             );
         };
         score("all", Hiding::None);
-        for spacing_px in [1.0, 2.0, 3.0, 4.0, 6.0, 8.0] {
+        for (spacing_px, precision_px) in [
+            (1.0, 0.25),
+            (3.0, 0.25),
+            (3.0, 0.5),
+            (4.0, 0.25),
+            (4.0, 0.5),
+            (6.0, 0.25),
+            (6.0, 0.5),
+            (8.0, 0.25),
+        ] {
             let settings = RaySettings {
                 spacing_px,
+                precision_px,
                 ..RaySettings::default()
             };
             score(
-                &format!("spacing {spacing_px}"),
+                &format!("spacing {spacing_px}, precision {precision_px}"),
                 Hiding::Rays(&world, settings),
             );
         }
-        for tolerance in [1e-6, 1e-5, 1e-4, 3e-4, 1e-3] {
+        for tolerance in [1e-6, 1e-4, 1e-3] {
             let settings = RaySettings {
+                spacing_px: 1.0,
                 tolerance,
                 ..RaySettings::default()
             };
             score(
-                &format!("tolerance {tolerance}"),
+                &format!("spacing 1, tolerance {tolerance}"),
                 Hiding::Rays(&world, settings),
             );
         }
         for share in [0.02, 0.1, 0.3, 1.0] {
             let buffer = sparse_depth(&view, &world, share);
-            for (dense, sparse) in [(0.002, 0.01), (0.005, 0.03), (0.02, 0.1)] {
+            for (dense, sparse) in [(0.002, 0.01), (0.005, 0.03)] {
                 let offset = DepthOffset { dense, sparse };
                 score(
                     &format!("points {share}, {offset:?}"),
@@ -282,4 +293,30 @@ fn sparse_depth(view: &View, world: &rays::World, share: f32) -> DepthBuffer {
         height,
         depth,
     }
+}
+
+#[test]
+#[ignore = "a measurement"]
+fn many_draws() {
+    let Some(loaded) = shared("references/chains/chains.toml") else {
+        return;
+    };
+    let view = view(&loaded.camera, 512);
+    let world = world_of(&loaded.scene);
+    let mut finder = EdgeFinder::new(&loaded.scene);
+    let mut edges = EdgeList::default();
+    finder.find(&view, &mut edges);
+    let mut crossings = Crossings::new(512, 512);
+    let mut drawer = EdgeDrawer::default();
+    let ms = best_ms(1000, || {
+        edges.generation += 1;
+        drawer.draw(
+            &view,
+            &edges,
+            Hiding::Rays(&world, RaySettings::default()),
+            true,
+            &mut crossings,
+        );
+    });
+    println!("{ms:.3} ms, {} rays", drawer.rays());
 }

@@ -21,6 +21,8 @@ pub mod weld;
 pub mod world;
 
 #[cfg(test)]
+mod finder_tests;
+#[cfg(test)]
 mod measure;
 #[cfg(test)]
 mod raster_tests;

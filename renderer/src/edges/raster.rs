@@ -173,7 +173,7 @@ impl Crossings {
         let [a, b] = segment.ends;
         let part = range.map(|share| [0, 1].map(|k| a[k] + round((b[k] - a[k]) as f64 * share)));
         crossings_within(segment.ends, part, size, half, |crossing| {
-            self.record(crossing)
+            self.record(crossing);
         });
     }
 }

@@ -73,9 +73,9 @@ fn tally(polygon: &[[i64; 2]]) -> Vec<usize> {
             let (line, cell) = (c.line / 2, c.eighth / 8);
             for beside in [line - 1, line] {
                 if c.horizontal {
-                    add(cell, beside)
+                    add(cell, beside);
                 } else {
-                    add(beside, cell)
+                    add(beside, cell);
                 }
             }
         }

@@ -22,7 +22,7 @@ struct Seen {
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Step {
     Nothing,
-    /// Surfaces that meet without a step in depth and are no neighbours in a mesh.
+    /// Surfaces that meet without a step in depth, and are no neighbours in a mesh or meet at a sharp angle.
     Meeting,
     /// A step in depth.
     Depth,
@@ -69,9 +69,13 @@ impl Truth {
         let see = |x: f32, y: f32| see(scene, world, view, &parts, x, y);
         let line = |count: usize, at: &dyn Fn(f32) -> Option<Seen>| -> Vec<Step> {
             let seen: Vec<_> = (0..=8 * count).map(|k| at(k as f32 / 8.0)).collect();
-            seen.windows(2)
-                .map(|w| between(view, w[0], w[1], step))
-                .collect()
+            let ends = |k: usize| {
+                [
+                    (k as f32 / 8.0, seen[k]),
+                    ((k + 1) as f32 / 8.0, seen[k + 1]),
+                ]
+            };
+            (0..8 * count).map(|k| settled(at, ends(k), step)).collect()
         };
         let rows = (stride..height)
             .step_by(stride)
@@ -90,17 +94,23 @@ impl Truth {
         }
     }
 
+    /// Crossings and steps match if they are neighbours.
     pub(super) fn score(&self, crossings: &Crossings) -> Score {
+        self.score_within(crossings, 1)
+    }
+
+    /// Crossings and steps match if they are at most so many eighths apart.
+    pub(super) fn score_within(&self, crossings: &Crossings, reach: usize) -> Score {
         let mut score = Score::default();
         for (i, steps) in self.rows.iter().enumerate() {
             let y = (i + 1) * self.stride;
-            score.add(steps, |k| {
+            score.add(steps, reach, |k| {
                 crossings.horizontal[y * self.width + k / 8] >> (k % 8) & 1 == 1
             });
         }
         for (i, steps) in self.columns.iter().enumerate() {
             let x = (i + 1) * self.stride;
-            score.add(steps, |k| {
+            score.add(steps, reach, |k| {
                 crossings.vertical[k / 8 * (self.width + 1) + x] >> (k % 8) & 1 == 1
             });
         }
@@ -110,8 +120,8 @@ impl Truth {
 }
 
 impl Score {
-    fn add(&mut self, steps: &[Step], drawn: impl Fn(usize) -> bool) {
-        let near = |k: usize| k.saturating_sub(1)..(k + 2).min(steps.len());
+    fn add(&mut self, steps: &[Step], reach: usize, drawn: impl Fn(usize) -> bool) {
+        let near = |k: usize| k.saturating_sub(reach)..(k + reach + 1).min(steps.len());
         for k in 0..steps.len() {
             if steps[k] == Step::Depth {
                 self.steps += 1;
@@ -162,7 +172,28 @@ fn see(
     })
 }
 
-fn between(view: &View, a: Option<Seen>, b: Option<Seen>, step: f32) -> Step {
+/// What lies between two points: a step in depth must stay one however near it they are taken, or it is a steep slope.
+fn settled(at: &dyn Fn(f32) -> Option<Seen>, ends: [(f32, Option<Seen>); 2], step: f32) -> Step {
+    let [mut a, mut b] = ends;
+    let first = between(a.1, b.1, step);
+    if first != Step::Depth {
+        return first;
+    }
+    for _ in 0..7 {
+        let x = 0.5 * (a.0 + b.0);
+        let middle = (x, at(x));
+        if between(a.1, middle.1, step) == Step::Depth {
+            b = middle;
+        } else if between(middle.1, b.1, step) == Step::Depth {
+            a = middle;
+        } else {
+            return Step::Meeting;
+        }
+    }
+    Step::Depth
+}
+
+fn between(a: Option<Seen>, b: Option<Seen>, step: f32) -> Step {
     let (a, b) = match (a, b) {
         (None, None) => return Step::Nothing,
         (Some(a), Some(b)) => (a, b),
@@ -175,11 +206,16 @@ fn between(view: &View, a: Option<Seen>, b: Option<Seen>, step: f32) -> Step {
     };
     let same_object = a.hit.instance == b.hit.instance;
     let light = a.part == u32::MAX || b.part == u32::MAX;
-    if (light && !same_object) || (!light && !(off(&a, &b).min(off(&b, &a)) <= step)) {
+    let continuous = if light {
+        same_object
+    } else {
+        off(&a, &b).min(off(&b, &a)) <= step
+    };
+    if !continuous {
         return Step::Depth;
     }
-    debug_assert!(view.width > 0);
-    if same_object && a.part == b.part {
+    let bent = a.normal.dot(b.normal).abs() < 0.5;
+    if same_object && a.part == b.part && !bent {
         Step::Nothing
     } else {
         Step::Meeting
