@@ -217,6 +217,7 @@ fn offer(behaviour: &Behaviour) -> Capabilities {
 }
 
 async fn serve(stream: TcpStream, behaviour: Behaviour, log: Arc<Mutex<Vec<ToServer>>>) {
+    stream.set_nodelay(true).unwrap();
     let (mut receiver, mut sender) = server_side(stream);
     let offer = offer(&behaviour);
     let mut session = ServerSession::new(offer.clone(), vec![], 1 << 30);
