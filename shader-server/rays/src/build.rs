@@ -9,7 +9,7 @@ use obvhs::{
 
 use crate::Bounds;
 
-/// Share of nodes tried for a better place; more costs build time (0.2 is about half of it) for a few per cent of rays.
+/// Share of nodes tried for a better place; more costs build time for a few per cent of rays.
 const REINSERTION: f32 = 0.2;
 
 /// A binary tree over `boxes`, one primitive a leaf; leaf `i` of the result stands for `boxes[primitive_indices[i]]`.
