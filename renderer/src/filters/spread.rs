@@ -1,9 +1,10 @@
-//! Colours for pixels that find too few samples in their 5x5 neighbourhood: samples are handed on from pixel to pixel,
-//! never across an edge, until each such pixel knows the few nearest.
+//! Colours for pixels that find too few samples in their 5x5 neighbourhood: the nearest samples that can be reached on
+//! foot, never across an edge.
 //!
-//! A breadth-first flood of all samples at once: each pixel keeps the first [`NEAREST`] that reach it, so that the work
-//! is in proportion to the pixels that need it. Pixels that nothing reaches take the mean of the smallest
-//! power-of-two block around them that has samples, edges or not: wrong across an edge, but the first to be asked for.
+//! Far from edges [`super::open`] serves whole tiles. Near them each starved pixel, or block of 2x2 pixels that no edge
+//! touches, grows the set of pixels that it reaches step by step, 64 columns in a word, until it holds enough samples.
+//! Pixels that reach none take the mean of the smallest power-of-two block around them that has samples, edges or not:
+//! wrong across an edge, but the first to be asked for.
 
 use fearless_simd::Level;
 
@@ -12,11 +13,23 @@ use super::open;
 use crate::epi::grid::Grid;
 use crate::points::PixelSamples;
 
-/// Samples that a pixel collects.
-pub const NEAREST: usize = 6;
+/// Samples at which growing stops.
+const NEAREST: u32 = 6;
+
+/// Most steps that growing takes, pixels.
+const RADIUS: usize = 12;
+
+/// Rows of the window that growing sees: the radius on both sides of a block of two.
+const ROWS: usize = 2 * RADIUS + 2;
+
+/// Bit of a window's row that the first seed is in; there is room for the radius on both sides.
+const SEED: usize = 31;
 
 /// Fewest samples to fit a plane to; fewer are averaged.
 const FEWEST_FOR_A_PLANE: usize = 3;
+
+/// The even columns of a word.
+const EVEN: u64 = 0x5555_5555_5555_5555;
 
 /// Primary-to-primary reachability of direct neighbours, as bit planes.
 #[derive(Clone, Copy)]
@@ -33,19 +46,14 @@ pub struct Neighbours<'a> {
     pub has: &'a [u64],
 }
 
-/// Scratch of the flood, kept from frame to frame.
+/// Scratch, kept from frame to frame.
 #[derive(Clone, Debug)]
 pub struct Spread {
     grid: Grid,
-    lists: Vec<[u32; NEAREST]>,
-    counts: Vec<u8>,
-    area: Vec<u64>,
-    rows: Vec<u64>,
-    queue: Vec<(u32, u32)>,
-    blocks: Blocks,
     left: Vec<u64>,
     edges: Vec<u64>,
     gathered: open::Gathered,
+    found: Vec<u32>,
 }
 
 impl Spread {
@@ -53,15 +61,10 @@ impl Spread {
     pub fn new(grid: Grid) -> Self {
         Self {
             grid,
-            lists: vec![[0; NEAREST]; grid.elements()],
-            counts: vec![0; grid.elements()],
-            area: vec![0; grid.plane_words()],
-            rows: vec![0; grid.plane_words()],
-            queue: Vec::new(),
-            blocks: Blocks::default(),
             left: vec![0; grid.plane_words()],
             edges: vec![0; grid.plane_words()],
             gathered: open::Gathered::default(),
+            found: Vec::with_capacity(ROWS * 64),
         }
     }
 
@@ -102,118 +105,222 @@ impl Spread {
         starved: &[u64],
         out: &mut Interpolated,
     ) {
-        self.find_area(starved, near.complex);
-        self.flood(near);
         let grid = self.grid;
         let mut lost = false;
-        for y in 0..grid.height {
+        for y in (0..grid.height).step_by(2) {
             for word in 0..grid.words {
                 let i = y * grid.words + word;
-                let mut left = starved[i] & !near.complex[i];
-                while left != 0 {
-                    let bit = left.trailing_zeros() as usize;
-                    left &= left - 1;
-                    let (x, at) = (word * 64 + bit, grid.at(word * 64 + bit, y));
-                    let list = &self.lists[at][..usize::from(self.counts[at])];
-                    if list.is_empty() {
-                        lost |= out.bare[i] >> bit & 1 == 1;
-                        continue;
-                    }
-                    let wanted = [x as f32 + wanted_x[at], y as f32 + wanted_y[at]];
-                    let rgb = fit(grid, samples, list, wanted);
-                    for (plane, value) in out.rgb.iter_mut().zip(rgb) {
-                        plane[at] = value;
-                    }
-                    out.bare[i] &= !(1 << bit);
+                let below = if y + 1 < grid.height {
+                    i + grid.words
+                } else {
+                    i
+                };
+                let rows = [
+                    starved[i] & !near.complex[i],
+                    starved[below] & !near.complex[below],
+                ];
+                let empty = !(self.edges[i] | self.edges[below]) & grid.valid(word);
+                let mut blocks = if below == i {
+                    0
+                } else {
+                    empty & empty >> 1 & EVEN
+                };
+                let clean = blocks | blocks << 1;
+                let any = rows[0] | rows[1];
+                blocks &= any | any >> 1;
+                while blocks != 0 {
+                    let bit = blocks.trailing_zeros() as usize;
+                    blocks &= blocks - 1;
+                    self.fill_block(samples, near, (word, bit, y), rows, out);
                 }
-                lost |= out.bare[i] & near.complex[i] != 0;
+                for (row, bits) in rows
+                    .into_iter()
+                    .enumerate()
+                    .take(1 + usize::from(below != i))
+                {
+                    let mut left = bits & !clean;
+                    while left != 0 {
+                        let x = word * 64 + left.trailing_zeros() as usize;
+                        left &= left - 1;
+                        let at = grid.at(x, y + row);
+                        let wanted = (wanted_x[at], wanted_y[at]);
+                        self.fill_pixel(samples, near, (x, y + row), wanted, out);
+                    }
+                }
+                lost |= (out.bare[i] | out.bare[below]) != 0;
             }
         }
         if lost {
-            self.blocks.fill(samples, out);
+            fill_bare(samples, out);
         }
     }
 
-    /// Pixels that samples pass through: the starved and all within two pixels of them, but no complex ones.
-    fn find_area(&mut self, starved: &[u64], complex: &[u64]) {
-        let (words, height) = (self.grid.words, self.grid.height);
-        for y in 0..height {
-            for word in 0..words {
-                let near =
-                    (-2..=2).map(|dx| super::taps::shifted(starved, words, word, y, (dx, 0)));
-                self.rows[y * words + word] = near.fold(0, |a, b| a | b);
-            }
-        }
-        for y in 0..height {
-            for word in 0..words {
-                let near =
-                    (-2..=2).map(|dy| super::taps::shifted(&self.rows, words, word, y, (0, dy)));
-                let i = y * words + word;
-                self.area[i] = near.fold(0, |a, b| a | b) & self.grid.valid(word) & !complex[i];
-            }
-        }
-    }
-
-    fn flood(&mut self, near: Neighbours<'_>) {
+    /// One plane for the starved pixels of a block that no edge touches.
+    fn fill_block(
+        &mut self,
+        samples: &PixelSamples,
+        near: Neighbours<'_>,
+        (word, bit, y): (usize, usize, usize),
+        rows: [u64; 2],
+        out: &mut Interpolated,
+    ) {
         let grid = self.grid;
-        self.queue.clear();
-        self.counts.fill(0);
-        for y in 0..grid.height {
-            for word in 0..grid.words {
-                let i = y * grid.words + word;
-                let mut seeds = near.has[i] & self.area[i];
-                while seeds != 0 {
-                    let at = grid.at(word * 64 + seeds.trailing_zeros() as usize, y) as u32;
-                    seeds &= seeds - 1;
-                    self.offer(at, at);
-                }
-            }
+        let x = word * 64 + bit;
+        grow(grid, near, (x, y), [3, 3], &mut self.found);
+        if self.found.is_empty() {
+            return;
         }
-        let mut next = 0;
-        while let Some(&(at, sample)) = self.queue.get(next) {
-            next += 1;
-            let pixel = at as usize - grid.origin;
-            let (x, y) = (pixel % grid.stride, pixel / grid.stride);
-            let stride = grid.stride as u32;
-            // A step to the left or up is the neighbour's step to the right or down.
-            let steps = [
-                (x + 1 < grid.width)
-                    .then(|| (at + 1, grid.bit(x + 1, y), near.right, grid.bit(x, y))),
-                (x > 0).then(|| (at - 1, grid.bit(x - 1, y), near.right, grid.bit(x - 1, y))),
-                (y + 1 < grid.height)
-                    .then(|| (at + stride, grid.bit(x, y + 1), near.down, grid.bit(x, y))),
-                (y > 0).then(|| {
-                    (
-                        at - stride,
-                        grid.bit(x, y - 1),
-                        near.down,
-                        grid.bit(x, y - 1),
-                    )
-                }),
-            ];
-            for (to, to_bit, plane, step_bit) in steps.into_iter().flatten() {
-                if self.area[to_bit.0] >> to_bit.1 & plane[step_bit.0] >> step_bit.1 & 1 == 1 {
-                    self.offer(to, sample);
+        let plane = fit(grid, samples, &self.found, [x as f32 + 1.0, y as f32 + 1.0]);
+        for (row, bits) in rows.into_iter().enumerate() {
+            for column in 0..2 {
+                if bits >> (bit + column) & 1 == 1 {
+                    let at = grid.at(x + column, y + row);
+                    let rgb = plane.at([column as f32 - 0.5, row as f32 - 0.5]);
+                    for (colours, value) in out.rgb.iter_mut().zip(rgb) {
+                        colours[at] = value;
+                    }
+                    out.bare[(y + row) * grid.words + word] &= !(1 << (bit + column));
                 }
             }
         }
     }
 
-    #[inline]
-    fn offer(&mut self, at: u32, sample: u32) {
-        let i = at as usize;
-        let count = usize::from(self.counts[i]);
-        if count < NEAREST && !self.lists[i][..count].contains(&sample) {
-            self.lists[i][count] = sample;
-            self.counts[i] += 1;
-            self.queue.push((at, sample));
+    /// A plane of its own for a starved pixel beside an edge.
+    fn fill_pixel(
+        &mut self,
+        samples: &PixelSamples,
+        near: Neighbours<'_>,
+        (x, y): (usize, usize),
+        wanted: (f32, f32),
+        out: &mut Interpolated,
+    ) {
+        grow(self.grid, near, (x, y), [1, 0], &mut self.found);
+        if self.found.is_empty() {
+            return;
         }
+        let place = [x as f32 + wanted.0, y as f32 + wanted.1];
+        let plane = fit(self.grid, samples, &self.found, place);
+        for (colours, value) in out.rgb.iter_mut().zip(plane.at([0.0, 0.0])) {
+            colours[self.grid.at(x, y)] = value;
+        }
+        let (word, bit) = self.grid.bit(x, y);
+        out.bare[word] &= !(1 << bit);
+    }
+}
+
+/// Bits of a row of a plane, column `x` in bit [`SEED`]; 0 outside the image.
+#[inline]
+fn window_row(grid: Grid, plane: &[u64], x: usize, y: isize) -> u64 {
+    if y < 0 || y >= grid.height as isize {
+        return 0;
+    }
+    let row = &plane[y as usize * grid.words..][..grid.words];
+    // The first column of the window, one word further on so that it is never negative.
+    let first = x + 64 - SEED;
+    let (word, shift) = (first / 64, first % 64);
+    let at = |w: usize| {
+        w.checked_sub(1)
+            .and_then(|w| row.get(w))
+            .copied()
+            .unwrap_or(0)
+    };
+    if shift == 0 {
+        at(word)
+    } else {
+        at(word) >> shift | at(word + 1) << (64 - shift)
+    }
+}
+
+/// Elements of the nearest samples that can be reached from the pixels whose bits are set in the two rows of `seeds`, the
+/// first of which is at (x, y): all within the number of steps that makes them [`NEAREST`] or more.
+fn grow(
+    grid: Grid,
+    near: Neighbours<'_>,
+    (x, y): (usize, usize),
+    seeds: [u64; 2],
+    found: &mut Vec<u32>,
+) {
+    found.clear();
+    let top = y as isize - RADIUS as isize;
+    let [mut right, mut down, mut has] = [[0u64; ROWS]; 3];
+    let mut reached = [0u64; ROWS];
+    reached[RADIUS] = seeds[0] << SEED;
+    reached[RADIUS + 1] = seeds[1] << SEED;
+    let (mut first, mut last) = (RADIUS, RADIUS + 1);
+    for row in first - 1..=last {
+        right[row] = window_row(grid, near.right, x, top + row as isize);
+        down[row] = window_row(grid, near.down, x, top + row as isize);
+        has[row] = window_row(grid, near.has, x, top + row as isize);
+    }
+    let count = |reached: &[u64; ROWS], has: &[u64; ROWS], (first, last): (usize, usize)| {
+        (first..=last)
+            .map(|r| (reached[r] & has[r]).count_ones())
+            .sum::<u32>()
+    };
+    for _ in 0..RADIUS {
+        if count(&reached, &has, (first, last)) >= NEAREST {
+            break;
+        }
+        (first, last) = (first.saturating_sub(1), (last + 1).min(ROWS - 1));
+        for row in [first.saturating_sub(1), first, last] {
+            right[row] = window_row(grid, near.right, x, top + row as isize);
+            down[row] = window_row(grid, near.down, x, top + row as isize);
+            has[row] = window_row(grid, near.has, x, top + row as isize);
+        }
+        let before = reached;
+        let mut grew = 0;
+        for row in first..=last {
+            let here = before[row];
+            let above = if row > 0 {
+                before[row - 1] & down[row - 1]
+            } else {
+                0
+            };
+            let below = if row + 1 < ROWS {
+                before[row + 1] & down[row]
+            } else {
+                0
+            };
+            let sides = (here & right[row]) << 1 | here >> 1 & right[row];
+            reached[row] = here | sides | above | below;
+            grew |= reached[row] ^ here;
+        }
+        if grew == 0 {
+            break;
+        }
+    }
+    for row in first..=last {
+        let mut bits = reached[row] & has[row];
+        while bits != 0 {
+            let column = x + bits.trailing_zeros() as usize - SEED;
+            bits &= bits - 1;
+            found.push(grid.at(column, (top + row as isize) as usize) as u32);
+        }
+    }
+}
+
+/// A colour and its slopes around a place, and the range that it keeps to.
+struct Plane {
+    value: [f32; 3],
+    right: [f32; 3],
+    down: [f32; 3],
+    low: [f32; 3],
+    high: [f32; 3],
+}
+
+impl Plane {
+    /// The colour at an offset, pixels.
+    fn at(&self, [x, y]: [f32; 2]) -> [f32; 3] {
+        std::array::from_fn(|k| {
+            let value = self.value[k] + x * self.right[k] + y * self.down[k];
+            value.max(self.low[k]).min(self.high[k])
+        })
     }
 }
 
 /// Weighted plane through samples far and near, or their weighted mean where they are few; weights fall off more gently
 /// than in the 5x5 neighbourhood, since all are far away.
-fn fit(grid: Grid, samples: &PixelSamples, list: &[u32], wanted: [f32; 2]) -> [f32; 3] {
+fn fit(grid: Grid, samples: &PixelSamples, list: &[u32], wanted: [f32; 2]) -> Plane {
     let mut m = [0.0f32; 6];
     let mut c = [[0.0f32; 3]; 3];
     let (mut low, mut high) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
@@ -239,99 +346,86 @@ fn fit(grid: Grid, samples: &PixelSamples, list: &[u32], wanted: [f32; 2]) -> [f
     }
     let inv = 1.0 / m[0];
     let mean: [f32; 3] = std::array::from_fn(|k| c[0][k] * inv);
+    let level = Plane {
+        value: mean,
+        right: [0.0; 3],
+        down: [0.0; 3],
+        low,
+        high,
+    };
     if list.len() < FEWEST_FOR_A_PLANE {
-        return mean;
+        return level;
     }
-    let (x, y, xy) = (m[1] * inv, m[2] * inv, m[4] * inv);
-    // The ridge grows with the samples' distance, so that it means the same at every scale.
+    // Slopes by the covariances around the weighted middle; the ridge grows with the samples' distance, so that it means
+    // the same at every scale.
+    let (x, y) = (m[1] * inv, m[2] * inv);
     let ridge = SLOPE_RIDGE * (1.0 + (m[3] + m[5]) * inv);
-    let (xx, yy) = (m[3] * inv + ridge, m[5] * inv + ridge);
-    let (k0, kx, ky) = (xx * yy - xy * xy, y * xy - x * yy, x * xy - y * xx);
-    let scale = inv / (k0 + x * kx + y * ky);
-    std::array::from_fn(|k| {
-        let value = (k0 * c[0][k] + kx * c[1][k] + ky * c[2][k]) * scale;
-        if value.is_finite() {
-            value.max(low[k]).min(high[k])
-        } else {
-            mean[k]
+    let (xx, yy) = (m[3] * inv - x * x + ridge, m[5] * inv - y * y + ridge);
+    let xy = m[4] * inv - x * y;
+    let determinant = 1.0 / (xx * yy - xy * xy);
+    let mut plane = level;
+    for k in 0..3 {
+        let (cx, cy) = (c[1][k] * inv - x * mean[k], c[2][k] * inv - y * mean[k]);
+        let right = (yy * cx - xy * cy) * determinant;
+        let down = (xx * cy - xy * cx) * determinant;
+        if right.is_finite() && down.is_finite() {
+            (plane.right[k], plane.down[k]) = (right, down);
+            plane.value[k] = mean[k] - right * x - down * y;
         }
-    })
+    }
+    plane
 }
 
-/// Means of samples over blocks of 2, 4, 8 ... pixels squared.
-#[derive(Clone, Debug, Default)]
-struct Blocks {
-    levels: Vec<(usize, Vec<[f32; 4]>)>,
-}
-
-impl Blocks {
-    fn fill(&mut self, samples: &PixelSamples, out: &mut Interpolated) {
-        let grid = samples.grid;
-        self.build(samples);
-        for y in 0..grid.height {
-            for word in 0..grid.words {
-                let mut left = out.bare[y * grid.words + word];
-                while left != 0 {
-                    let x = word * 64 + left.trailing_zeros() as usize;
-                    left &= left - 1;
-                    let block =
-                        self.levels
-                            .iter()
-                            .enumerate()
-                            .find_map(|(level, (columns, cells))| {
-                                let cell = cells[(y >> (level + 1)) * columns + (x >> (level + 1))];
-                                (cell[3] > 0.0).then_some(cell)
-                            });
-                    if let Some(cell) = block {
-                        for (plane, sum) in out.rgb.iter_mut().zip(cell) {
-                            plane[grid.at(x, y)] = sum / cell[3];
-                        }
-                    }
+/// Colours of bare pixels: the mean of the samples in the smallest block of 2, 4, 8 ... pixels squared around each that
+/// has any.
+fn fill_bare(samples: &PixelSamples, out: &mut Interpolated) {
+    let grid = samples.grid;
+    if samples.has.iter().all(|&w| w == 0) {
+        return;
+    }
+    let levels = grid
+        .width
+        .max(grid.height)
+        .next_power_of_two()
+        .trailing_zeros();
+    for y in 0..grid.height {
+        for word in 0..grid.words {
+            let mut left = out.bare[y * grid.words + word];
+            while left != 0 {
+                let x = word * 64 + left.trailing_zeros() as usize;
+                left &= left - 1;
+                let mean = (1..=levels).find_map(|level| block_mean(samples, (x, y), level));
+                for (plane, value) in out.rgb.iter_mut().zip(mean.unwrap_or_default()) {
+                    plane[grid.at(x, y)] = value;
                 }
             }
         }
     }
+}
 
-    fn build(&mut self, samples: &PixelSamples) {
-        let grid = samples.grid;
-        let (mut columns, mut rows) = (grid.width, grid.height);
-        let mut level = 0;
-        while columns > 1 || rows > 1 {
-            let below = columns;
-            let (rows_below, columns_below) = (rows, columns);
-            (columns, rows) = (columns.div_ceil(2), rows.div_ceil(2));
-            if self.levels.len() == level {
-                self.levels.push((columns, Vec::new()));
+/// Mean of the samples in the aligned block of 2^level pixels squared around a pixel, if there are any.
+fn block_mean(samples: &PixelSamples, (x, y): (usize, usize), level: u32) -> Option<[f32; 3]> {
+    let grid = samples.grid;
+    let side = 1usize << level;
+    let (x0, y0) = (x & !(side - 1), y & !(side - 1));
+    let (mut sum, mut count) = ([0.0; 3], 0.0);
+    for row in y0..(y0 + side).min(grid.height) {
+        for word in x0 / 64..(x0 + side).div_ceil(64).min(grid.words) {
+            let mut bits = samples.has[row * grid.words + word];
+            if side < 64 {
+                bits &= ((1u64 << side) - 1) << (x0 % 64);
             }
-            let (done, rest) = self.levels.split_at_mut(level);
-            let (stride, cells) = &mut rest[0];
-            *stride = columns;
-            cells.clear();
-            cells.resize(columns * rows, [0.0; 4]);
-            for y in 0..rows_below {
-                for x in 0..columns_below {
-                    let from = match done.last() {
-                        None if samples.has_sample(x, y) => {
-                            let at = grid.at(x, y);
-                            [
-                                samples.rgb[0][at],
-                                samples.rgb[1][at],
-                                samples.rgb[2][at],
-                                1.0,
-                            ]
-                        }
-                        None => continue,
-                        Some((_, cells)) => cells[y * below + x],
-                    };
-                    let cell = &mut cells[y / 2 * columns + x / 2];
-                    for (sum, value) in cell.iter_mut().zip(from) {
-                        *sum += value;
-                    }
+            while bits != 0 {
+                let at = grid.at(word * 64 + bits.trailing_zeros() as usize, row);
+                bits &= bits - 1;
+                for (sum, plane) in sum.iter_mut().zip(&samples.rgb) {
+                    *sum += plane[at];
                 }
+                count += 1.0;
             }
-            level += 1;
         }
     }
+    (count > 0.0).then(|| sum.map(|s: f32| s / count))
 }
 
 #[cfg(test)]
@@ -377,11 +471,12 @@ mod tests {
     }
 
     #[test]
-    fn a_wall_keeps_colours_apart_however_far_they_travel() {
+    fn a_wall_keeps_colours_apart_wherever_they_travel() {
         let grid = Grid::new(90, 40);
         let mut samples = PixelSamples::new(grid);
-        set(&mut samples, 2, 3, 1.0);
-        set(&mut samples, 80, 30, 0.0);
+        for (x, y) in (4..90).step_by(9).flat_map(|x| [(x, 5), (x, 20), (x, 35)]) {
+            set(&mut samples, x, y, if x < 70 { 1.0 } else { 0.0 });
+        }
         let out = run(&samples, 70);
         for y in 0..40 {
             for x in 0..90 {
