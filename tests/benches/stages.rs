@@ -115,7 +115,7 @@ impl<'a> Playback<'a> {
     /// Draws the next frame with these samples and plans the one after it.
     fn draw(&mut self, received: &[Received]) -> StageMs {
         let view = self.recording.view(self.frame);
-        self.display.receive(received);
+        self.display.receive(received, 1);
         self.display.draw(&view, self.frame as u32);
         let shown = &mut self.shown;
         let tone = ToneMap::new();

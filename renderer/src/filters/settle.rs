@@ -13,39 +13,35 @@ const PLAIN_FROM: f32 = 64.0;
 /// mean in `n`, so that one sample alone changes nothing and many decide.
 pub fn settle(still: &Still, epi: &Epi, image: &mut [Vec<f32>; 3]) {
     let grid = epi.grid;
-    for y in 0..grid.height {
-        for x in 0..grid.width {
-            let whole = still.whole(x, y);
-            if whole.count < 1.0 {
+    for &pixel in still.touched() {
+        let (x, y) = (pixel as usize % grid.width, pixel as usize / grid.width);
+        let whole = still.whole(x, y);
+        let at = grid.at(x, y);
+        let code = EdgeCode(epi.code[at]);
+        let mut mean = whole.rgb;
+        let mut trust = 1.0 - 1.0 / whole.count;
+        if code.is_simple() {
+            let Some(split) = still.split(x, y, code.0) else {
                 continue;
+            };
+            let [outer, inner] = &split.regions;
+            let fewer = outer.count.min(inner.count);
+            let area = epi.tables().inner_area(code);
+            let plain = if fewer > 0.0 {
+                let ratio = whole.count / PLAIN_FROM;
+                ratio * ratio / (1.0 + ratio * ratio)
+            } else {
+                0.0
+            };
+            for (k, value) in mean.iter_mut().enumerate() {
+                let by_area = outer.rgb[k] * (1.0 - area) + inner.rgb[k] * area;
+                *value = by_area + (*value - by_area) * plain;
             }
-            let at = grid.at(x, y);
-            let code = EdgeCode(epi.code[at]);
-            let mut mean = whole.rgb;
-            let mut trust = 1.0 - 1.0 / whole.count;
-            if code.is_simple() {
-                let Some(split) = still.split(x, y, code.0) else {
-                    continue;
-                };
-                let [outer, inner] = &split.regions;
-                let fewer = outer.count.min(inner.count);
-                let area = epi.tables().inner_area(code);
-                let plain = if fewer > 0.0 {
-                    let ratio = whole.count / PLAIN_FROM;
-                    ratio * ratio / (1.0 + ratio * ratio)
-                } else {
-                    0.0
-                };
-                for (k, value) in mean.iter_mut().enumerate() {
-                    let by_area = outer.rgb[k] * (1.0 - area) + inner.rgb[k] * area;
-                    *value = by_area + (*value - by_area) * plain;
-                }
-                trust = fewer / (fewer + 1.0);
-            }
-            if trust > 0.0 {
-                for (plane, value) in image.iter_mut().zip(mean) {
-                    plane[at] += (value - plane[at]) * trust;
-                }
+            trust = fewer / (fewer + 1.0);
+        }
+        if trust > 0.0 {
+            for (plane, value) in image.iter_mut().zip(mean) {
+                plane[at] += (value - plane[at]) * trust;
             }
         }
     }

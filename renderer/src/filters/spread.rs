@@ -474,7 +474,10 @@ mod tests {
     fn a_wall_keeps_colours_apart_wherever_they_travel() {
         let grid = Grid::new(90, 40);
         let mut samples = PixelSamples::new(grid);
-        for (x, y) in (4..90).step_by(9).flat_map(|x| [(x, 5), (x, 20), (x, 35)]) {
+        for (x, y) in (4..90)
+            .step_by(9)
+            .flat_map(|x| [(x, 5), (x, 15), (x, 25), (x, 35)])
+        {
             set(&mut samples, x, y, if x < 70 { 1.0 } else { 0.0 });
         }
         let out = run(&samples, 70);

@@ -22,20 +22,21 @@ pub struct Received {
 const SAME_SURFACE: f32 = 0.05;
 
 impl Display {
-    /// Takes samples into the cache, and into the means of a still camera where they were asked for in the present view.
-    /// The order matters: lockstep gives them in the order of their ids.
-    pub fn receive(&mut self, samples: &[Received]) {
+    /// Takes samples into the cache, and into the means of a still camera where they were asked for in the last frame's view
+    /// and that is the view of the next one, `view_number`, too. The order matters: lockstep gives them in the order of
+    /// their ids.
+    pub fn receive(&mut self, samples: &[Received], view_number: u32) {
         let mut ms = std::mem::take(&mut self.stage_ms);
         ms.time(Stage::Drain, || {
             for received in samples {
-                self.take(received);
+                self.take(received, view_number);
             }
         });
         self.stage_ms = ms;
         self.samples_new += samples.len();
     }
 
-    fn take(&mut self, received: &Received) {
+    fn take(&mut self, received: &Received, view_number: u32) {
         let sample = &received.sample;
         let Some(view) = self.view else {
             self.cache.insert(sample, None);
@@ -55,7 +56,8 @@ impl Display {
             self.pixels.point[at] = slot;
             self.pixels.depth[at] = depth;
         }
-        if received.view == self.view_number && self.choices.settle.is_on() {
+        let lasts = received.view == self.view_number && self.view_number == view_number;
+        if lasts && self.choices.settle.is_on() {
             let offset = [x_px - x as f32, y_px - y as f32];
             let code = self.epi.code_at(x, y);
             let region = code.is_simple().then(|| {

@@ -18,7 +18,7 @@ use crate::filters::complex::{self, ComplexFilter};
 use crate::filters::interpolate::{self, Interpolated, interpolate};
 use crate::filters::settle::settle;
 use crate::filters::spread::{Neighbours, Spread};
-use crate::points::cull::cull;
+use crate::points::cull::{CullScratch, cull};
 use crate::points::pixels::NO_POINT;
 use crate::points::project::{Projected, project};
 use crate::points::still::Mean;
@@ -49,7 +49,6 @@ pub struct Display {
     edges: EdgeStage,
     epi: Epi,
     reach: ReachMap,
-    centre: [Vec<f32>; 2],
     interpolated: Interpolated,
     spread: Spread,
     antialias: Antialias,
@@ -57,7 +56,8 @@ pub struct Display {
     secondary_known: Vec<u64>,
     secondary: [Vec<f32>; 3],
     image: [Vec<f32>; 3],
-    suspects: Vec<(u16, u16)>,
+    ageing: f32,
+    culling: CullScratch,
     priorities: Priorities,
     chooser: Chooser,
     prediction: Prediction,
@@ -97,7 +97,6 @@ impl Display {
             edges: EdgeStage::new(scene, choices, grid),
             epi: Epi::new(grid.width, grid.height, places),
             reach: ReachMap::new(grid.width, grid.height),
-            centre: [vec![0.5; grid.elements()], vec![0.5; grid.elements()]],
             interpolated: Interpolated::new(grid),
             spread: Spread::new(grid),
             antialias: Antialias::default(),
@@ -105,7 +104,8 @@ impl Display {
             secondary_known: vec![0; grid.plane_words()],
             secondary: [plane(), plane(), plane()],
             image: [plane(), plane(), plane()],
-            suspects: Vec::new(),
+            ageing: 0.0,
+            culling: CullScratch::new(grid),
             priorities: Priorities::new(grid),
             chooser: Chooser::default(),
             prediction: Prediction::default(),
@@ -148,9 +148,6 @@ impl Display {
         ms.time(Stage::Classify, || self.settle_primary());
         ms.time(Stage::Reach, || self.reach.compute(self.level, &self.epi));
         ms.time(Stage::Interpolate, || self.interpolate());
-        for (to, from) in self.image.iter_mut().zip(&self.interpolated.rgb) {
-            to.copy_from_slice(from);
-        }
         if self.choices.method == Method::EdgeAndPoint {
             ms.time(Stage::Complex, || self.reconstruct_complex());
         }
@@ -180,15 +177,24 @@ impl Display {
             let (world, cache) = (self.edges.world(), &self.cache);
             match self.choices.point_culling {
                 PointCulling::None => 0,
-                PointCulling::Depth => cull(&mut self.pixels, &mut self.suspects, |_| false),
-                PointCulling::Rays => cull(&mut self.pixels, &mut self.suspects, |point| {
-                    world.is_none_or(|w| edges::sees(w, view, cache, point))
-                }),
+                PointCulling::Depth => {
+                    cull(self.level, &mut self.pixels, &mut self.culling, |_| false)
+                }
+                PointCulling::Rays => {
+                    cull(self.level, &mut self.pixels, &mut self.culling, |point| {
+                        world.is_none_or(|w| edges::sees(w, view, cache, point))
+                    })
+                }
             };
             self.seen.fill(false);
             for &point in self.pixels.point.iter().filter(|&&p| p != NO_POINT) {
                 self.seen[point as usize] = true;
             }
+            // A point is 128 old on average when a new one takes its place (Render Cache 2002).
+            self.ageing += 128.0 * self.samples_new as f32 / self.cache.capacity() as f32;
+            let step = self.ageing.floor().min(255.0);
+            self.ageing -= step;
+            self.cache.grow_older(&self.seen, step as u8);
         });
         self.stage_ms = ms;
     }
@@ -215,14 +221,6 @@ impl Display {
             x,
             y,
         });
-        let Self { epi, centre, .. } = self;
-        for_each_bit(grid, &epi.simple, |x, y| {
-            let (word, bit) = grid.bit(x, y);
-            let inner = epi.primary_inner[word] >> bit & 1 == 1;
-            let middle = epi.tables().centroid_px(epi.code_at(x, y), inner);
-            let at = grid.at(x, y);
-            (centre[0][at], centre[1][at]) = (middle[0], middle[1]);
-        });
     }
 
     fn interpolate(&mut self) {
@@ -235,8 +233,8 @@ impl Display {
             has: &self.epi.has_sample,
             reach: &self.reach,
             complex: &self.epi.complex,
-            centre_x: &self.centre[0],
-            centre_y: &self.centre[1],
+            centre_x: &self.epi.centre_px[0],
+            centre_y: &self.epi.centre_px[1],
         };
         interpolate(self.level, method, &inputs, &mut self.interpolated);
         let near = Neighbours {
@@ -246,7 +244,7 @@ impl Display {
             complex: &self.epi.complex,
             has: &self.epi.has_sample,
         };
-        let wanted = (&self.centre[0][..], &self.centre[1][..]);
+        let wanted = (&self.epi.centre_px[0][..], &self.epi.centre_px[1][..]);
         self.spread.fill(
             self.level,
             &self.pixels,
@@ -254,6 +252,9 @@ impl Display {
             wanted,
             &mut self.interpolated,
         );
+        for (to, from) in self.image.iter_mut().zip(&self.interpolated.rgb) {
+            to.copy_from_slice(from);
+        }
     }
 
     fn reconstruct_complex(&mut self) {

@@ -55,8 +55,10 @@ impl Display {
         let moving = next.filter(|n| self.view.as_ref() != Some(*n));
         if let Some(view) = moving.filter(|_| self.choices.prediction.is_on()) {
             let limit = budget / AHEAD_SHARE;
+            let (level, cache) = (self.level, &self.cache);
+            let found = &mut self.uncovered;
             self.prediction
-                .find_empty(&self.cache, view, limit, &mut self.uncovered);
+                .find_empty(level, cache, view, &mut self.projected, limit, found);
         }
         self.prioritize();
         self.request_chosen(budget - self.uncovered.len(), wanted);

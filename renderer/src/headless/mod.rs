@@ -209,7 +209,7 @@ fn sparse(
             servers.drain(&mut received);
         }
         let wait_ms = waited.elapsed().as_secs_f64() * 1e3;
-        display.receive(&received);
+        display.receive(&received, number);
         display.draw(&view, number);
         display.time_present(|d| tone.map(d.grid(), d.image(), &mut shown));
         let next = View::new(&flight.camera(frame + 1));

@@ -1,65 +1,102 @@
 //! Rejecting points that are seen through gaps in a nearer surface.
 
+use fearless_simd::{Level, dispatch, prelude::*};
+use fearless_simd_macros::simd;
+
 use super::PixelSamples;
+use crate::epi::grid::Grid;
 
 /// How far behind the mean depth of its 3x3 neighbours a point may lie, as a share of that depth, before it is suspected.
 pub const TOLERANCE: f32 = 0.03;
+
+/// Scratch of [`cull`].
+#[derive(Clone, Debug)]
+pub struct CullScratch {
+    /// One over depth, 0 where no point is.
+    inverse: Vec<f32>,
+    suspects: Vec<u64>,
+}
+
+impl CullScratch {
+    /// Room for an image of this layout.
+    pub fn new(grid: Grid) -> Self {
+        Self {
+            inverse: vec![0.0; grid.elements()],
+            suspects: vec![0; grid.plane_words()],
+        }
+    }
+}
 
 /// Calls `keep` for the point of every pixel that lies well behind its neighbours' mean depth (Render Cache 2002, "Depth
 /// cull") and takes away those for which it says no; gives how many were taken. A point at a silhouette is legitimately
 /// behind its neighbours, so `keep` can ask the scene; the Render Cache itself always says no.
 pub fn cull(
+    level: Level,
     pixels: &mut PixelSamples,
-    suspects: &mut Vec<(u16, u16)>,
+    scratch: &mut CullScratch,
     mut keep: impl FnMut(u32) -> bool,
 ) -> usize {
     let grid = pixels.grid;
-    suspects.clear();
+    dispatch!(level, simd => find_suspects(simd, pixels, scratch));
+    let mut removed = 0;
     for y in 0..grid.height {
         for word in 0..grid.words {
-            let mut left = pixels.has[y * grid.words + word];
+            let mut left = scratch.suspects[y * grid.words + word];
             while left != 0 {
                 let x = word * 64 + left.trailing_zeros() as usize;
                 left &= left - 1;
-                if is_behind(pixels, x, y) {
-                    suspects.push((x as u16, y as u16));
+                if !keep(pixels.point[grid.at(x, y)]) {
+                    pixels.remove(x, y);
+                    removed += 1;
                 }
             }
-        }
-    }
-    let mut removed = 0;
-    for &(x, y) in suspects.iter() {
-        let (x, y) = (usize::from(x), usize::from(y));
-        if !keep(pixels.point[grid.at(x, y)]) {
-            pixels.remove(x, y);
-            removed += 1;
         }
     }
     removed
 }
 
-fn is_behind(pixels: &PixelSamples, x: usize, y: usize) -> bool {
-    let grid = pixels.grid;
-    let here = pixels.depth[grid.at(x, y)];
-    // Inverse depth is linear over a plane in the image, so that a slanted plane is no suspect.
-    let (mut sum, mut count) = (0.0f32, 0.0f32);
-    for ny in y.saturating_sub(1)..(y + 2).min(grid.height) {
-        for nx in x.saturating_sub(1)..(x + 2).min(grid.width) {
-            let depth = pixels.depth[grid.at(nx, ny)];
-            if depth.is_finite() && (nx, ny) != (x, y) {
-                sum += 1.0 / depth;
-                count += 1.0;
+/// Marks points well behind the mean of the up to 8 around them. Inverse depth is linear over a plane in the image, so that
+/// a slanted plane is no suspect.
+#[simd]
+fn find_suspects<S: Simd>(simd: S, pixels: &PixelSamples, scratch: &mut CullScratch) {
+    let (grid, lanes) = (pixels.grid, S::f32s::LEN);
+    let splat = |v: f32| S::f32s::splat(simd, v);
+    let (zero, one) = (splat(0.0), splat(1.0));
+    for (inverse, depth) in scratch.inverse.iter_mut().zip(&pixels.depth) {
+        *inverse = 1.0 / depth;
+    }
+    for y in 0..grid.height {
+        for word in 0..grid.words {
+            let has = pixels.has[y * grid.words + word];
+            let mut found = 0;
+            for group in (0..64).step_by(lanes) {
+                let mine = has >> group & ((1u64 << lanes) - 1);
+                if mine == 0 {
+                    continue;
+                }
+                let at = grid.at(word * 64 + group, y);
+                let load = |i: usize| S::f32s::from_slice(simd, &scratch.inverse[i..i + lanes]);
+                let (mut sum, mut count) = (zero, zero);
+                for row in [at - grid.stride, at, at + grid.stride] {
+                    for column in [row - 1, row, row + 1] {
+                        if column != at {
+                            let inverse = load(column);
+                            sum += inverse;
+                            count += inverse.simd_gt(zero).select(one, zero);
+                        }
+                    }
+                }
+                let behind = sum.simd_gt(count * splat(1.0 + TOLERANCE) * load(at));
+                found |= (behind.to_bitmask() & mine) << group;
             }
+            scratch.suspects[y * grid.words + word] = found;
         }
     }
-    here * sum > count * (1.0 + TOLERANCE)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::epi::grid::Grid;
-
     #[test]
     fn only_points_behind_their_neighbours_are_asked_about() {
         let grid = Grid::new(80, 5);
@@ -75,10 +112,15 @@ mod tests {
         let hole = grid.at(70, 2);
         pixels.depth[hole] *= 3.0;
         let mut asked = Vec::new();
-        let removed = cull(&mut pixels, &mut Vec::new(), |p| {
-            asked.push(p);
-            false
-        });
+        let removed = cull(
+            Level::new(),
+            &mut pixels,
+            &mut CullScratch::new(grid),
+            |p| {
+                asked.push(p);
+                false
+            },
+        );
         assert_eq!((removed, asked), (1, vec![2 * 80 + 70]));
         assert!(!pixels.has_sample(70, 2) && pixels.has_sample(69, 2));
     }

@@ -46,8 +46,13 @@ pub fn project(
     projected: &mut Projected,
     pixels: &mut PixelSamples,
 ) {
-    dispatch!(level, simd => project_all(simd, cache, view, projected));
+    project_points(level, cache, view, projected);
     scatter(cache, view, projected, pixels);
+}
+
+/// Projects all points of the cache, without asking which hides which.
+pub fn project_points(level: Level, cache: &PointCache, view: &View, projected: &mut Projected) {
+    dispatch!(level, simd => project_all(simd, cache, view, projected));
 }
 
 #[simd]

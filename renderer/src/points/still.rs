@@ -72,6 +72,7 @@ pub struct Still {
     whole: Vec<Mean>,
     split_of: Vec<u32>,
     splits: Vec<Split>,
+    touched: Vec<u32>,
     changed: Vec<u32>,
     marked: Vec<u64>,
     samples: u64,
@@ -86,22 +87,22 @@ impl Still {
             whole: vec![Mean::default(); pixels],
             split_of: vec![NO_SPLIT; pixels],
             splits: Vec::new(),
+            touched: Vec::new(),
             changed: Vec::new(),
             marked: vec![0; grid.plane_words()],
             samples: 0,
         }
     }
 
-    /// Forgets everything, since the view or the scene changed.
+    /// Forgets everything, since the view or the scene changed; costs in proportion to what was gathered.
     pub fn clear(&mut self) {
-        if self.samples > 0 {
-            self.whole.fill(Mean::default());
-            self.split_of.fill(NO_SPLIT);
-            self.splits.clear();
-            self.samples = 0;
+        self.forget_changed();
+        for pixel in self.touched.drain(..) {
+            self.whole[pixel as usize] = Mean::default();
+            self.split_of[pixel as usize] = NO_SPLIT;
         }
-        self.changed.clear();
-        self.marked.fill(0);
+        self.splits.clear();
+        self.samples = 0;
     }
 
     /// Samples taken in since the last [`Still::clear`].
@@ -119,6 +120,9 @@ impl Still {
     ) {
         let pixel = y * self.grid.width + x;
         self.samples += 1;
+        if self.whole[pixel].count == 0.0 {
+            self.touched.push(pixel as u32);
+        }
         self.whole[pixel].add(rgb, place);
         if let Some((code, region)) = side {
             let slot = &mut self.split_of[pixel];
@@ -154,6 +158,11 @@ impl Still {
     pub fn split(&self, x: usize, y: usize, code: u16) -> Option<&Split> {
         let slot = self.split_of[y * self.grid.width + x];
         self.splits.get(slot as usize).filter(|s| s.code == code)
+    }
+
+    /// Pixels (row · width + column) that have samples, each once.
+    pub fn touched(&self) -> &[u32] {
+        &self.touched
     }
 
     /// Pixels (row · width + column) that took samples in since [`Still::forget_changed`], each once.

@@ -1,7 +1,10 @@
 //! Looking ahead: which parts of the next frame no cached point will cover (Render Cache 2002, "Prediction").
 
+use fearless_simd::Level;
+
 use crate::camera::View;
 use crate::points::PointCache;
+use crate::points::project::{Projected, project_points};
 
 /// Side of a prediction cell, pixels.
 pub const CELL_PX: usize = 4;
@@ -15,12 +18,14 @@ pub struct Prediction {
 }
 
 impl Prediction {
-    /// Projects all points to the predicted view and gives `found` the middle pixel of every cell that stays empty, at most
+    /// Projects all points to the predicted view (`projected` is scratch) and gives `found` the middle pixel of every cell that stays empty, at most
     /// `limit` of them, spread over the image.
     pub fn find_empty(
         &mut self,
+        level: Level,
         cache: &PointCache,
         view: &View,
+        projected: &mut Projected,
         limit: usize,
         found: &mut Vec<(u16, u16)>,
     ) {
@@ -29,21 +34,12 @@ impl Prediction {
         self.rows = (view.height as usize).div_ceil(CELL_PX);
         self.occupied.clear();
         self.occupied.resize(self.columns * self.rows, false);
-        let eye = view.eye.to_array();
-        let centre = (view.width as f32 * 0.5, view.height as f32 * 0.5);
-        for (i, &w) in cache.w.iter().enumerate() {
-            let d = glam::Vec3::from(std::array::from_fn::<f32, 3, _>(|a| {
-                cache.position[a][i] - w * eye[a]
-            }));
-            let depth = view.forward.dot(d);
+        project_points(level, cache, view, projected);
+        let planes = projected.x.iter().zip(&projected.y).zip(&projected.depth);
+        for ((&x, &y), &depth) in planes {
             if depth > 0.0 {
-                let scale = view.focal_px / depth;
-                let x = centre.0 + view.right.dot(d) * scale;
-                let y = centre.1 - view.up.dot(d) * scale;
-                if x >= 0.0 && x < view.width as f32 && y >= 0.0 && y < view.height as f32 {
-                    self.occupied[y as usize / CELL_PX * self.columns + x as usize / CELL_PX] =
-                        true;
-                }
+                let cell = y as usize / CELL_PX * self.columns + x as usize / CELL_PX;
+                self.occupied[cell] = true;
             }
         }
         let empty = self.occupied.iter().filter(|&&o| !o).count();
