@@ -14,7 +14,7 @@ use crate::epi::grid::Grid;
 use crate::points::PixelSamples;
 
 /// Samples at which growing stops.
-const NEAREST: u32 = 6;
+const NEAREST: u32 = 4;
 
 /// Most steps that growing takes, pixels.
 const RADIUS: usize = 12;

@@ -19,7 +19,6 @@ use crate::filters::interpolate::{self, Interpolated, interpolate};
 use crate::filters::settle::settle;
 use crate::filters::spread::{Neighbours, Spread};
 use crate::points::cull::{CullScratch, cull};
-use crate::points::pixels::NO_POINT;
 use crate::points::project::{Projected, project};
 use crate::points::still::Mean;
 use crate::points::{PixelSamples, PointCache, Still};
@@ -43,7 +42,7 @@ pub struct Display {
     view_number: u32,
     cache: PointCache,
     projected: Projected,
-    seen: Vec<bool>,
+    seen: Vec<u8>,
     pixels: PixelSamples,
     still: Still,
     edges: EdgeStage,
@@ -91,7 +90,7 @@ impl Display {
             view_number: 0,
             cache: PointCache::new(capacity),
             projected: Projected::new(capacity),
-            seen: vec![false; capacity],
+            seen: vec![0; capacity],
             pixels: PixelSamples::new(grid),
             still: Still::new(grid),
             edges: EdgeStage::new(scene, choices, grid),
@@ -171,6 +170,7 @@ impl Display {
                 view,
                 &mut self.projected,
                 &mut self.pixels,
+                &mut self.seen,
             );
         });
         ms.time(Stage::Depth, || {
@@ -186,10 +186,6 @@ impl Display {
                     })
                 }
             };
-            self.seen.fill(false);
-            for &point in self.pixels.point.iter().filter(|&&p| p != NO_POINT) {
-                self.seen[point as usize] = true;
-            }
             // A point is 128 old on average when a new one takes its place (Render Cache 2002).
             self.ageing += 128.0 * self.samples_new as f32 / self.cache.capacity() as f32;
             let step = self.ageing.floor().min(255.0);

@@ -22,8 +22,8 @@ pub struct PointCache {
     pub position: [Vec<f32>; 3],
     /// 1, 0 at infinity, NaN in an empty slot.
     pub w: Vec<f32>,
-    /// Linear radiance.
-    pub rgb: [Vec<f32>; 3],
+    /// Linear radiance, a point's three together: they are only ever read at once.
+    pub rgb: Vec<[f32; 3]>,
     /// Object and flags.
     pub info: Vec<PointInfo>,
     /// Grows each frame from 0 (new) to 255 (the next to be evicted).
@@ -41,7 +41,7 @@ impl PointCache {
         Self {
             position: [plane(), plane(), plane()],
             w: vec![f32::NAN; capacity],
-            rgb: [plane(), plane(), plane()],
+            rgb: vec![[0.0; 3]; capacity],
             info: vec![
                 PointInfo {
                     object: 0,
@@ -95,8 +95,8 @@ impl PointCache {
         let i = slot as usize;
         for axis in 0..3 {
             self.position[axis][i] = sample.position[axis];
-            self.rgb[axis][i] = sample.radiance[axis];
         }
+        self.rgb[i] = sample.radiance;
         self.w[i] = if sample.flags & flags::MISS != 0 {
             0.0
         } else {
@@ -145,11 +145,11 @@ impl PointCache {
         Some(oldest as u32)
     }
 
-    /// Ages every point by one frame's worth: `visible` by `step`, the others by twice as much, so that points out of
-    /// sight are the first to go (Render Cache 2002, "Age"). Ages stop at 255.
-    pub fn grow_older(&mut self, visible: &[bool], step: u8) {
-        for (age, &seen) in self.age.iter_mut().zip(visible) {
-            *age = age.saturating_add(if seen { step } else { step.saturating_mul(2) });
+    /// Ages every point by one frame's worth: those seen (255, not 0) by `step`, the others by twice as much, so that points
+    /// out of sight are the first to go (Render Cache 2002, "Age"). Ages stop at 255.
+    pub fn grow_older(&mut self, seen: &[u8], step: u8) {
+        for (age, &seen) in self.age.iter_mut().zip(seen) {
+            *age = age.saturating_add(step).saturating_add(step & !seen);
         }
     }
 }
@@ -191,7 +191,7 @@ mod tests {
         assert_eq!(cache.len(), 1);
         assert_eq!(cache.insert(&sample(2), None), Some(a));
         for _ in 0..300 {
-            cache.grow_older(&[true, false], 100);
+            cache.grow_older(&[255, 0], 100);
         }
         assert_eq!(cache.age, [255, 255]);
         assert_eq!(PointCache::new(0).insert(&sample(0), None), None);

@@ -18,6 +18,7 @@ pub struct Projected {
     pub y: Vec<f32>,
     /// Depth along the line of sight, metres; negative where the point is not in the image.
     pub depth: Vec<f32>,
+    nearest: Vec<u64>,
 }
 
 impl Projected {
@@ -28,6 +29,7 @@ impl Projected {
             x: plane.clone(),
             y: plane.clone(),
             depth: plane,
+            nearest: Vec::new(),
         }
     }
 
@@ -38,16 +40,17 @@ impl Projected {
 }
 
 /// Projects all points of the cache and leaves in each pixel of `pixels` the nearest of those that fall in it; of equally
-/// near ones the one in the lower slot. `level` chooses the instruction set; results do not depend on it.
+/// near ones the one in the lower slot. `seen` gets 255 for each point that a pixel keeps and 0 for the others. `level` chooses the instruction set; results do not depend on it.
 pub fn project(
     level: Level,
     cache: &PointCache,
     view: &View,
     projected: &mut Projected,
     pixels: &mut PixelSamples,
+    seen: &mut [u8],
 ) {
     project_points(level, cache, view, projected);
-    scatter(cache, view, projected, pixels);
+    scatter(cache, view, projected, pixels, seen);
 }
 
 /// Projects all points of the cache, without asking which hides which.
@@ -125,38 +128,59 @@ fn project_one(cache: &PointCache, view: &View, i: usize, out: &mut Projected) {
     out.depth[i] = if inside { depth } else { -1.0 };
 }
 
-fn scatter(cache: &PointCache, view: &View, projected: &Projected, pixels: &mut PixelSamples) {
-    pixels.clear();
+/// The nearest point of every pixel, as keys that order by depth and then by slot.
+fn scatter(
+    cache: &PointCache,
+    view: &View,
+    projected: &mut Projected,
+    pixels: &mut PixelSamples,
+    seen: &mut [u8],
+) {
     let grid = pixels.grid;
     debug_assert!(grid.width == view.width as usize && grid.height == view.height as usize);
-    let planes = projected.x.iter().zip(&projected.y).zip(&projected.depth);
+    let Projected {
+        x,
+        y,
+        depth,
+        nearest,
+    } = projected;
+    nearest.clear();
+    nearest.resize(grid.height * grid.stride, u64::MAX);
+    let planes = x.iter().zip(y.iter()).zip(depth.iter());
     for (i, ((&x, &y), &depth)) in planes.take(cache.capacity()).enumerate() {
         if depth > 0.0 {
-            let at = grid.at(x as usize, y as usize);
-            if depth < pixels.depth[at] {
-                pixels.depth[at] = depth;
-                pixels.point[at] = i as u32;
-            }
+            // Positive floats order as their bits do.
+            let key = u64::from(depth.to_bits()) << 32 | i as u64;
+            let cell = &mut nearest[y as usize * grid.stride + x as usize];
+            *cell = key.min(*cell);
         }
     }
-    for y in 0..grid.height {
+    seen.fill(0);
+    for row in 0..grid.height {
         for word in 0..grid.words {
             let mut bits = 0u64;
-            let first = grid.at(word * 64, y);
-            for k in 0..64.min(grid.width - word * 64) {
-                let point = pixels.point[first + k];
-                if point != NO_POINT {
-                    bits |= 1 << k;
-                    let (at, i) = (first + k, point as usize);
-                    pixels.x[at] = projected.x[i] - (word * 64 + k) as f32;
-                    pixels.y[at] = projected.y[i] - y as f32;
-                    pixels.count[at] = 1.0;
-                    for c in 0..3 {
-                        pixels.rgb[c][at] = cache.rgb[c][i];
-                    }
+            let first = grid.at(word * 64, row);
+            let keys = &nearest[row * grid.stride + word * 64..][..64];
+            for (k, &key) in keys.iter().enumerate() {
+                let at = first + k;
+                if key == u64::MAX {
+                    pixels.depth[at] = f32::INFINITY;
+                    pixels.point[at] = NO_POINT;
+                    continue;
+                }
+                let i = key as u32 as usize;
+                bits |= 1 << k;
+                seen[i] = 255;
+                pixels.depth[at] = f32::from_bits((key >> 32) as u32);
+                pixels.point[at] = i as u32;
+                pixels.x[at] = x[i] - (word * 64 + k) as f32;
+                pixels.y[at] = y[i] - row as f32;
+                pixels.count[at] = 1.0;
+                for (plane, value) in pixels.rgb.iter_mut().zip(cache.rgb[i]) {
+                    plane[at] = value;
                 }
             }
-            pixels.has[y * grid.words + word] = bits;
+            pixels.has[row * grid.words + word] = bits;
         }
     }
 }
