@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand};
 
 use crate::config::Choices;
+use crate::show::Show;
 
 /// Shown where no scene is named.
 pub const DEFAULT_SCENE: &str = "chains";
@@ -99,6 +100,7 @@ impl WindowArgs {
             spp: 64,
             exr: false,
             write: Write::Every(10),
+            show: Show::Picture,
             threads: self.threads,
             stats: None,
             servers: self.servers.clone(),
@@ -145,6 +147,9 @@ pub struct RenderArgs {
     /// Which frames become files: all, last, none or every:N
     #[arg(long, default_value = "all", value_parser = parse_write, value_name = "WHICH")]
     pub write: Write,
+    /// What the frames show: the picture or a stage of its making (not for `full` and `reference`)
+    #[arg(long, value_enum, default_value_t, value_name = "STAGE")]
+    pub show: Show,
     /// Threads of the display itself
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: u16,

@@ -16,5 +16,7 @@ pub mod link;
 pub mod points;
 pub mod sampling;
 pub mod servers;
+pub mod show;
 pub mod stats;
 pub mod tone;
+pub mod window;

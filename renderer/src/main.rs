@@ -5,9 +5,10 @@ use std::sync::Arc;
 
 use anyhow::Result;
 use clap::Parser;
-use renderer::cli::{Cli, Command, RenderArgs};
+use renderer::cli::{Cli, Command, DEFAULT_SCENE, RenderArgs, WindowArgs};
 use renderer::headless::{self, Subject};
 use renderer::servers::Servers;
+use renderer::window::{self, WindowError};
 use scenes::LoadedScene;
 
 /// Exit code for input that cannot be used, as for a wrong command line.
@@ -26,8 +27,8 @@ fn main() -> ExitCode {
         .with_writer(std::io::stderr)
         .init();
     let result = match cli.command {
-        Some(Command::Render(args)) => render(&args),
-        Some(Command::ShaderServer { .. }) | None => render(&cli.window.headless(None)),
+        Some(Command::Render(args)) => open(&args.scene).and_then(|scene| render(scene, &args)),
+        Some(Command::ShaderServer { .. }) | None => show(&cli.window),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -38,13 +39,41 @@ fn main() -> ExitCode {
     }
 }
 
-fn render(args: &RenderArgs) -> Result<()> {
+/// Opens a window, or, where there is no display server, says so and renders along the scene's first path.
+fn show(args: &WindowArgs) -> Result<()> {
+    let name = args.scene.as_deref().unwrap_or(DEFAULT_SCENE);
+    let loaded = open(name)?;
+    let path = loaded.paths.first().map(|p| p.name.clone());
+    let scene = Arc::new(loaded.scene);
+    let subject = window::Subject {
+        name,
+        scene: &scene,
+        camera: &loaded.camera,
+        path: loaded.paths.first(),
+    };
+    match window::run(subject, args) {
+        Err(WindowError::NoDisplay(why)) => {
+            eprintln!(
+                "no window can be opened: {why}; rendering pictures into {} instead",
+                args.out.display()
+            );
+            let loaded = LoadedScene {
+                scene: Arc::unwrap_or_clone(scene),
+                ..loaded
+            };
+            render(loaded, &args.headless(path))
+        }
+        other => Ok(other?),
+    }
+}
+
+fn render(loaded: LoadedScene, args: &RenderArgs) -> Result<()> {
     let LoadedScene {
         scene,
         camera,
         paths,
         ..
-    } = open(&args.scene)?;
+    } = loaded;
     let scene = Arc::new(scene);
     let pixels = args.size.0 as usize * args.size.1 as usize;
     let mut servers = Servers::start(&args.servers, &scene, args.seed, pixels, None)?;

@@ -50,6 +50,16 @@ impl EdgeStage {
         }
     }
 
+    /// Makes ready for pictures of another layout or made by other choices; finding starts afresh, the scene's trees stay.
+    pub(super) fn reshape(&mut self, choices: Choices, grid: Grid) {
+        self.list = EdgeList::default();
+        self.drawer = EdgeDrawer::default();
+        self.culling = choices.culling;
+        self.half = choices.method == Method::EdgeAndPoint;
+        self.crossings = Crossings::new(grid.width, grid.height);
+        self.changed = true;
+    }
+
     /// Finds the view's edges and draws those that can be seen. With rays it does nothing while nothing moves; with points
     /// the answer depends on the samples, so that edges are drawn anew in every frame.
     pub fn find(&mut self, view: &View, pixels: &PixelSamples, ms: &mut StageMs) {

@@ -3,6 +3,7 @@
 mod edges;
 mod ingest;
 mod plan;
+mod rebuild;
 
 use fearless_simd::Level;
 use protocol::scene::Scene;

@@ -15,9 +15,10 @@ use crate::cli::RenderArgs;
 use crate::config::Method;
 use crate::frame::{Display, Wanted};
 use crate::servers::{Servers, ServersError};
+use crate::show::{Stages, show};
 use crate::tone::ToneMap;
 use output::Output;
-pub use output::OutputError;
+pub use output::{OutputError, write_exr, write_png};
 
 /// Share of the pixels that are asked for in a frame unless told otherwise: the paper's 1-3 %.
 const DEFAULT_SHARE: f64 = 0.02;
@@ -211,7 +212,7 @@ fn sparse(
         let wait_ms = waited.elapsed().as_secs_f64() * 1e3;
         display.receive(&received, number);
         display.draw(&view, number);
-        display.time_present(|d| tone.map(d.grid(), d.image(), &mut shown));
+        display.time_present(|d| show(args.show, &Stages::of(d), &tone, &mut shown));
         let next = View::new(&flight.camera(frame + 1));
         if frame + 1 < args.frames {
             display.plan(budget, Some(&next), &mut wanted);

@@ -19,7 +19,7 @@ pub struct OutputError {
 }
 
 impl OutputError {
-    fn new(path: &Path, reason: impl ToString) -> Self {
+    pub(crate) fn new(path: &Path, reason: impl ToString) -> Self {
         Self {
             path: path.to_owned(),
             reason: reason.to_string(),
@@ -29,7 +29,7 @@ impl OutputError {
 
 /// Where frames go.
 #[derive(Debug)]
-pub struct Output {
+pub(super) struct Output {
     dir: PathBuf,
     write: Write,
     exr: bool,
@@ -43,7 +43,7 @@ impl Output {
     ///
     /// # Errors
     /// If either cannot be made.
-    pub fn new(args: &RenderArgs) -> Result<Self, OutputError> {
+    pub(super) fn new(args: &RenderArgs) -> Result<Self, OutputError> {
         std::fs::create_dir_all(&args.out).map_err(|e| OutputError::new(&args.out, e))?;
         let stats = args.stats.as_ref().map(|path| {
             let file = File::create(path).map_err(|e| OutputError::new(path, e))?;
@@ -64,7 +64,7 @@ impl Output {
     ///
     /// # Errors
     /// If a file cannot be written.
-    pub fn frame(
+    pub(super) fn frame(
         &mut self,
         frame: usize,
         grid: Grid,
@@ -78,15 +78,7 @@ impl Output {
         let path = name("png");
         write_png(&path, grid.width as u32, grid.height as u32, shown)?;
         if self.exr {
-            let path = name("exr");
-            let pixels = (0..grid.height).flat_map(|y| (0..grid.width).map(move |x| grid.at(x, y)));
-            let data: Vec<f32> = pixels
-                .flat_map(|at| [rgb[0][at], rgb[1][at], rgb[2][at]])
-                .collect();
-            image::Rgb32FImage::from_raw(grid.width as u32, grid.height as u32, data)
-                .ok_or_else(|| OutputError::new(&path, "the picture has no pixels"))?
-                .save(&path)
-                .map_err(|e| OutputError::new(&path, e))?;
+            write_exr(&name("exr"), grid, rgb)?;
         }
         self.last_file = Some(path);
         Ok(())
@@ -96,7 +88,7 @@ impl Output {
     ///
     /// # Errors
     /// If it cannot be written.
-    pub fn stats(&mut self, stats: &FrameStats) -> Result<(), OutputError> {
+    pub(super) fn stats(&mut self, stats: &FrameStats) -> Result<(), OutputError> {
         let Some((path, file)) = &mut self.stats else {
             return Ok(());
         };
@@ -108,7 +100,7 @@ impl Output {
     }
 
     /// The last picture written.
-    pub fn last_file(&self) -> Option<PathBuf> {
+    pub(super) fn last_file(&self) -> Option<PathBuf> {
         self.last_file.clone()
     }
 }
@@ -123,6 +115,21 @@ pub fn write_png(path: &Path, width: u32, height: u32, shown: &[u32]) -> Result<
         .flat_map(|p| [(p >> 16) as u8, (p >> 8) as u8, *p as u8])
         .collect();
     image::RgbImage::from_raw(width, height, bytes)
+        .ok_or_else(|| OutputError::new(path, "the picture has no pixels"))?
+        .save(path)
+        .map_err(|e| OutputError::new(path, e))
+}
+
+/// Writes linear radiance (planes by `grid`) as OpenEXR.
+///
+/// # Errors
+/// If it cannot be written.
+pub fn write_exr(path: &Path, grid: Grid, rgb: &[Vec<f32>; 3]) -> Result<(), OutputError> {
+    let pixels = (0..grid.height).flat_map(|y| (0..grid.width).map(move |x| grid.at(x, y)));
+    let data: Vec<f32> = pixels
+        .flat_map(|at| [rgb[0][at], rgb[1][at], rgb[2][at]])
+        .collect();
+    image::Rgb32FImage::from_raw(grid.width as u32, grid.height as u32, data)
         .ok_or_else(|| OutputError::new(path, "the picture has no pixels"))?
         .save(path)
         .map_err(|e| OutputError::new(path, e))

@@ -1,0 +1,489 @@
+//! One frame after another, without ever waiting for a server. Knows nothing of windows.
+
+use std::collections::VecDeque;
+use std::time::Instant;
+
+use protocol::messages::Camera;
+use protocol::scene::Scene;
+
+use super::baseline::Baseline;
+use super::budget::Budget;
+use crate::camera::View;
+use crate::config::{Choices, Method};
+use crate::epi::grid::Grid;
+use crate::frame::{Display, Received, Wanted};
+use crate::link::LinkStatus;
+use crate::servers::{Servers, ServersError};
+use crate::show::{Show, Stages, show};
+use crate::stats::FrameStats;
+use crate::tone::ToneMap;
+
+/// Views whose requests may still be under way, at most.
+const VIEWS_REMEMBERED: usize = 32;
+/// How far the eye may have moved, as a share of the distance to the target, for samples of a view to be of use still.
+const NEAR_SHARE: f32 = 0.1;
+/// How far the line of sight may have turned for that, as a share of the field of view.
+const NEAR_TURN: f32 = 0.2;
+/// Share that a new measurement has in a figure shown to people.
+const SMOOTHING: f64 = 0.1;
+
+/// The display and its servers, frame after frame.
+pub(super) struct Session {
+    display: Display,
+    servers: Servers,
+    choices: Choices,
+    budget: Budget,
+    baseline: Option<Baseline>,
+    tone: ToneMap,
+    wanted: Wanted,
+    received: Vec<Received>,
+    shown: Vec<u32>,
+    size: (u32, u32),
+    view: Option<View>,
+    number: u32,
+    views: VecDeque<(u32, View)>,
+    rebuild: Option<Keep>,
+    paused: bool,
+    frozen: bool,
+    settled: bool,
+    frames: usize,
+    stats: FrameStats,
+    pace: Pace,
+}
+
+/// Whether points outlive a rebuild.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Keep {
+    Points,
+    Nothing,
+}
+
+/// How fast frames come, smoothed.
+#[derive(Clone, Copy, Debug, Default)]
+struct Pace {
+    last: Option<Instant>,
+    interval_s: f64,
+    cost_ms: f64,
+}
+
+impl Pace {
+    /// A frame begins; returns the time since the one before, seconds.
+    fn begin(&mut self, now: Instant) -> f64 {
+        let since = self.last.map_or(1.0, |l| (now - l).as_secs_f64());
+        self.last = Some(now);
+        // After a pause the pace is a new one.
+        let share = if since > 0.25 || self.interval_s > 0.25 {
+            1.0
+        } else {
+            SMOOTHING
+        };
+        self.interval_s += (since - self.interval_s) * share;
+        since
+    }
+
+    fn end(&mut self, ms: f64) {
+        let share = if self.cost_ms == 0.0 { 1.0 } else { SMOOTHING };
+        self.cost_ms += (ms - self.cost_ms) * share;
+    }
+}
+
+impl Session {
+    /// Ready for the first frame. Methods that trace every pixel become the baseline over the default method.
+    pub(super) fn new(
+        scene: &Scene,
+        choices: Choices,
+        seed: u64,
+        servers: Servers,
+        most: Option<usize>,
+    ) -> Self {
+        // The display is made for the method that needs most, so that every other can be switched to.
+        let all = Choices {
+            method: Method::EdgeAndPoint,
+            ..choices
+        };
+        let every_pixel = matches!(choices.method, Method::Full | Method::Reference);
+        Self {
+            display: Display::new(scene, all, 1, 1, seed),
+            servers,
+            choices: if every_pixel { all } else { choices },
+            budget: Budget::new(most, 0),
+            baseline: every_pixel.then(|| Baseline::new(Grid::new(1, 1))),
+            tone: ToneMap::new(),
+            wanted: Wanted::default(),
+            received: Vec::new(),
+            shown: Vec::new(),
+            size: (0, 0),
+            view: None,
+            number: 0,
+            views: VecDeque::new(),
+            rebuild: None,
+            paused: false,
+            frozen: false,
+            settled: false,
+            frames: 0,
+            stats: FrameStats::default(),
+            pace: Pace::default(),
+        }
+    }
+
+    /// Draws the next frame and asks for what it lacks. `next` is where the camera will be in the frame after, if it
+    /// moves; `reach` the distance to what it looks at, metres.
+    ///
+    /// # Errors
+    /// If the camera makes no picture; the frame before stays.
+    pub(super) fn frame(
+        &mut self,
+        camera: &Camera,
+        next: Option<&Camera>,
+        reach: f32,
+        what: Show,
+    ) -> Result<(), ServersError> {
+        let start = Instant::now();
+        let frame_s = self.pace.begin(start);
+        let view = View::new(camera);
+        self.fit(camera, &view);
+        if self.view != Some(view) {
+            self.look(camera, view, reach)?;
+        }
+        self.take_samples();
+        if self.baseline.is_none() {
+            self.display.draw(&view, self.number);
+        }
+        self.paint(what);
+        self.ask(frame_s, next)?;
+        self.stats = self.display.take_stats(self.frames);
+        if let Some(baseline) = &self.baseline {
+            self.stats.samples_visible = baseline.traced();
+        }
+        self.frames += 1;
+        self.pace.end(start.elapsed().as_secs_f64() * 1e3);
+        Ok(())
+    }
+
+    /// Makes the display fit the camera's picture and the choices.
+    fn fit(&mut self, camera: &Camera, view: &View) {
+        let size = (camera.width, camera.height);
+        if self.size == size && self.rebuild.is_none() {
+            return;
+        }
+        let keep = self.rebuild.take() != Some(Keep::Nothing);
+        self.display.rebuild(self.choices, size.0, size.1, keep);
+        self.display.begin(view, self.number);
+        if self.size != size {
+            self.size = size;
+            self.budget = Budget::new(self.budget.most(), self.pixels());
+        }
+        if self.baseline.is_some() {
+            self.baseline = Some(Baseline::new(self.display.grid()));
+        }
+        self.settled = false;
+    }
+
+    /// Tells the servers of a new view, and that old ones that are not near it are of no interest any more.
+    fn look(&mut self, camera: &Camera, view: View, reach: f32) -> Result<(), ServersError> {
+        self.number = self.servers.set_view(camera)?;
+        if self.view.is_none() {
+            self.display.begin(&view, self.number);
+        }
+        self.view = Some(view);
+        self.settled = false;
+        if let Some(baseline) = &mut self.baseline {
+            baseline.renew();
+        }
+        self.remember(self.number, view);
+        let stale = self.views.iter().rposition(|(_, v)| !near(v, &view, reach));
+        let crowd = self.views.len().saturating_sub(VIEWS_REMEMBERED);
+        let gone = stale.map_or(0, |i| i + 1).max(crowd);
+        if gone > 0 {
+            self.views.drain(..gone);
+            let first = self.views.front().map_or(self.number, |(n, _)| *n);
+            self.servers.cancel_before(first);
+        }
+        Ok(())
+    }
+
+    fn remember(&mut self, number: u32, view: View) {
+        self.views.push_back((number, view));
+    }
+
+    fn take_samples(&mut self) {
+        self.received.clear();
+        self.servers.drain(&mut self.received);
+        if self.frozen || self.received.is_empty() {
+            return;
+        }
+        self.settled = false;
+        self.display.receive(&self.received);
+        if let Some(baseline) = &mut self.baseline {
+            baseline.take(&self.received);
+        }
+    }
+
+    fn paint(&mut self, what: Show) {
+        let Self {
+            display,
+            baseline,
+            tone,
+            shown,
+            ..
+        } = self;
+        display.time_present(|d| match baseline {
+            Some(baseline) => tone.map(d.grid(), baseline.image(), shown),
+            None => show(what, &Stages::of(d), tone, shown),
+        });
+    }
+
+    fn ask(&mut self, frame_s: f64, next: Option<&Camera>) -> Result<(), ServersError> {
+        if self.paused || self.frozen {
+            return Ok(());
+        }
+        let status = self.servers.status();
+        let budget = self.budget.next(&status, frame_s, self.pixels());
+        if budget == 0 {
+            return Ok(());
+        }
+        if let Some(baseline) = &mut self.baseline {
+            self.wanted.here.clear();
+            let display = &mut self.display;
+            baseline.plan(budget, || display.next_id(), &mut self.wanted.here);
+            self.settled = baseline.is_done() && next.is_none();
+            return self.servers.request(self.number, &self.wanted.here);
+        }
+        let next_view = next.map(View::new);
+        self.display
+            .plan(budget, next_view.as_ref(), &mut self.wanted);
+        self.settled = self.wanted.is_empty() && next.is_none();
+        self.servers.request(self.number, &self.wanted.here)?;
+        if let (Some(camera), Some(view)) = (next, next_view)
+            && !self.wanted.ahead.is_empty()
+        {
+            let number = self.servers.set_view(camera)?;
+            self.remember(number, view);
+            self.servers.request(number, &self.wanted.ahead)?;
+        }
+        Ok(())
+    }
+
+    fn pixels(&self) -> usize {
+        self.size.0 as usize * self.size.1 as usize
+    }
+
+    /// What the last frame shows, 0x00RRGGBB row by row.
+    pub(super) fn shown(&self) -> &[u32] {
+        &self.shown
+    }
+
+    /// The last frame's linear radiance, planes by the grid.
+    pub(super) fn picture(&self) -> (Grid, &[Vec<f32>; 3]) {
+        let image = match &self.baseline {
+            Some(baseline) => baseline.image(),
+            None => self.display.image(),
+        };
+        (self.display.grid(), image)
+    }
+
+    /// Stops asking for samples, or goes on.
+    pub(super) fn toggle_pause(&mut self) {
+        self.paused = !self.paused;
+    }
+
+    /// Stops taking samples in, or goes on.
+    pub(super) fn toggle_freeze(&mut self) {
+        self.frozen = !self.frozen;
+    }
+
+    /// Forgets all points.
+    pub(super) fn clear(&mut self) {
+        self.rebuild = Some(Keep::Nothing);
+    }
+
+    /// From edges with the complex filter to edges without it, to points alone, and round.
+    pub(super) fn next_method(&mut self) {
+        self.choices.method = match self.choices.method {
+            Method::EdgeAndPoint => Method::NoComplex,
+            Method::NoComplex => Method::PointsOnly,
+            _ => Method::EdgeAndPoint,
+        };
+        self.baseline = None;
+        self.rebuild = self.rebuild.or(Some(Keep::Points));
+    }
+
+    /// Traces every pixel, or reconstructs again.
+    pub(super) fn toggle_baseline(&mut self) {
+        self.baseline = match self.baseline {
+            Some(_) => None,
+            None => Some(Baseline::new(self.display.grid())),
+        };
+        self.settled = false;
+    }
+
+    /// How the servers are doing.
+    pub(super) fn servers(&self) -> LinkStatus {
+        self.servers.status()
+    }
+
+    /// Whether the servers have nothing to do although there is something to ask for.
+    pub(super) fn restless(&self) -> bool {
+        let status = self.servers.status();
+        let idle = status.queued + status.outstanding == 0;
+        idle && !(self.settled || self.paused || self.frozen)
+    }
+
+    /// What the last frame took, smoothed, ms.
+    pub(super) fn cost_ms(&self) -> f64 {
+        self.pace.cost_ms
+    }
+
+    /// What is to be told about it all.
+    pub(super) fn status(&self) -> Vec<String> {
+        let servers = self.servers.status();
+        let pixels = self.pixels().max(1) as f64;
+        let share = |n: usize| n as f64 * 100.0 / pixels;
+        let mut items = vec![
+            format!(
+                "{:.0} frames/s, {:.1} ms",
+                1.0 / self.pace.interval_s.max(1e-3),
+                self.pace.cost_ms
+            ),
+            format!("{} samples/s", short(servers.samples_per_second)),
+            format!(
+                "{:.0}% of pixels sampled",
+                share(self.stats.samples_visible)
+            ),
+            tell_servers(&servers),
+        ];
+        if self.baseline.is_some() {
+            items.push("every pixel ray-traced".into());
+        } else {
+            items.push(tell_method(self.choices.method).into());
+            let kinds = self.stats.pixels;
+            items.push(format!(
+                "{} edges, pixels {:.0}% simple {:.0}% complex",
+                self.stats.silhouette_edges + self.stats.shadow_edges,
+                share(kinds.simple),
+                share(kinds.complex)
+            ));
+        }
+        if self.frozen {
+            items.push("points frozen".into());
+        }
+        if self.paused {
+            items.push("paused".into());
+        }
+        if self.settled {
+            items.push("settled".into());
+        }
+        items
+    }
+}
+
+/// Whether samples of one view are of use in another.
+fn near(a: &View, b: &View, reach: f32) -> bool {
+    let turn = (NEAR_TURN * b.fov_y.to_radians()).cos();
+    (a.width, a.height) == (b.width, b.height)
+        && (a.eye - b.eye).length() <= NEAR_SHARE * reach
+        && a.forward.dot(b.forward) >= turn
+}
+
+fn tell_method(method: Method) -> &'static str {
+    match method {
+        Method::EdgeAndPoint => "edge-and-point",
+        Method::NoComplex => "no-complex",
+        Method::PointsOnly => "points-only",
+        Method::Full => "full",
+        Method::Reference => "reference",
+    }
+}
+
+fn tell_servers(status: &LinkStatus) -> String {
+    match (status.connected, &status.last_fault) {
+        (0, None) => "connecting to the shader server".into(),
+        (0, Some(why)) => format!("no shader server: reconnecting ({why})"),
+        (1, _) if status.servers == 1 => "1 shader server".into(),
+        (n, _) => format!("{n} of {} shader servers", status.servers),
+    }
+}
+
+/// A count with three digits or so.
+fn short(n: f64) -> String {
+    if n < 1e4 {
+        format!("{n:.0}")
+    } else if n < 1e6 {
+        format!("{:.0}k", n / 1e3)
+    } else {
+        format!("{:.2}M", n / 1e6)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn views_are_near_while_the_picture_is_about_the_same() {
+        let view = |eye: [f32; 3], target: [f32; 3], width: u32| {
+            View::new(&Camera {
+                eye,
+                target,
+                up: [0.0, 1.0, 0.0],
+                fov_y: 45.0,
+                width,
+                height: 64,
+            })
+        };
+        let here = view([0.0, 0.0, 5.0], [0.0; 3], 64);
+        assert!(near(&here, &here, 5.0));
+        assert!(near(
+            &view([0.2, 0.0, 5.0], [0.2, 0.0, 0.0], 64),
+            &here,
+            5.0
+        ));
+        assert!(!near(
+            &view([0.9, 0.0, 5.0], [0.9, 0.0, 0.0], 64),
+            &here,
+            5.0
+        ));
+        assert!(!near(
+            &view([0.0, 0.0, 5.0], [2.0, 0.0, 0.0], 64),
+            &here,
+            5.0
+        ));
+        assert!(!near(&view([0.0, 0.0, 5.0], [0.0; 3], 32), &here, 5.0));
+    }
+
+    #[test]
+    fn servers_are_told_in_words() {
+        let mut status = LinkStatus {
+            servers: 1,
+            ..LinkStatus::default()
+        };
+        assert_eq!(tell_servers(&status), "connecting to the shader server");
+        status.last_fault = Some("it closed the connection".into());
+        assert_eq!(
+            tell_servers(&status),
+            "no shader server: reconnecting (it closed the connection)"
+        );
+        status.connected = 1;
+        assert_eq!(tell_servers(&status), "1 shader server");
+        status.servers = 3;
+        assert_eq!(tell_servers(&status), "1 of 3 shader servers");
+        assert_eq!(
+            [short(950.0), short(41_234.0), short(2e6)],
+            ["950", "41k", "2.00M"]
+        );
+    }
+
+    #[test]
+    fn the_pace_follows_a_steady_run_and_starts_anew_after_a_pause() {
+        let mut pace = Pace::default();
+        let start = Instant::now();
+        let ms = std::time::Duration::from_millis;
+        for frame in 0..100 {
+            pace.begin(start + ms(20 * frame));
+        }
+        assert!((pace.interval_s - 0.02).abs() < 1e-3);
+        pace.begin(start + ms(10_000));
+        pace.begin(start + ms(10_010));
+        assert!((pace.interval_s - 0.01).abs() < 1e-3);
+    }
+}
