@@ -12,45 +12,60 @@ const FRAMES_AHEAD: f64 = 1.5;
 /// Time that requests and answers travel, seconds.
 const TRAVEL_S: f64 = 0.01;
 
+/// Fewer than this share of what was to be kept asked for are left: the servers have run dry, or nearly.
+const DRY: f64 = 0.1;
+/// How much more is asked for with each frame that finds them dry, at most, and so many times as much as seems enough.
+const GROWTH: f64 = 1.5;
+const MOST_GROWTH: f64 = 4.0;
+
 /// Keeps the servers busy and no more: what waits too long is asked of a view that has gone.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Budget {
     most: Option<usize>,
+    /// Samples a second that the servers have shown to manage. While they have nothing to do this cannot fall.
+    ability: f64,
+    growth: f64,
     target: f64,
 }
 
 impl Budget {
     /// `most` bounds what a single frame asks for.
-    pub(super) fn new(most: Option<usize>, pixels: usize) -> Self {
+    pub(super) fn new(most: Option<usize>) -> Self {
         Self {
             most,
-            target: ((pixels / FIRST_SHARE) as f64).max(LEAST),
+            ability: 0.0,
+            growth: 1.0,
+            target: 0.0,
         }
-    }
-
-    /// The bound that it was given.
-    pub(super) fn most(&self) -> Option<usize> {
-        self.most
     }
 
     /// How many samples the frame just drawn may ask for, `frame_s` after the one before.
     pub(super) fn next(&mut self, status: &LinkStatus, frame_s: f64, pixels: usize) -> usize {
         let pending = (status.queued + status.outstanding) as f64;
         let frame_s = frame_s.clamp(0.001, 0.5);
-        // Idle servers could do more than their rate says; a rate that is known bounds what they can be given.
-        if status.connected > 0 && pending < self.target * 0.25 {
-            self.target *= 1.25;
-        }
+        let dry = pending < self.target * DRY;
         let rate = status.samples_per_second;
-        if rate > 0.0 {
-            let enough = rate * (frame_s * FRAMES_AHEAD + TRAVEL_S);
-            self.target = self.target.clamp(enough, 2.0 * enough);
+        if rate > self.ability {
+            self.ability = rate;
+        } else if !dry {
+            self.ability += (rate - self.ability) * 0.1;
         }
-        let credits = status.credits.max(LEAST as usize);
-        let most = pixels.min(credits) as f64;
-        self.target = self.target.clamp(LEAST, most.max(LEAST));
+        self.growth = if dry && status.connected > 0 {
+            (self.growth * GROWTH).min(MOST_GROWTH)
+        } else {
+            (self.growth / GROWTH).max(1.0)
+        };
+        let enough = self.ability * (frame_s * FRAMES_AHEAD + TRAVEL_S) * self.growth;
+        let first = (pixels / FIRST_SHARE) as f64;
+        let enough = if self.ability > 0.0 { enough } else { first };
+        let credits = if status.credits > 0 {
+            status.credits
+        } else {
+            usize::MAX
+        };
+        self.target = enough.max(LEAST).min(pixels.min(credits) as f64);
         let ask = (self.target - pending).max(0.0) as usize;
-        ask.min(self.most.unwrap_or(usize::MAX)).min(pixels)
+        ask.min(self.most.unwrap_or(usize::MAX))
     }
 }
 
@@ -62,7 +77,7 @@ mod tests {
     /// waited, after the start.
     fn run(speed: f64, credits: usize, most: Option<usize>) -> (f64, usize) {
         let pixels = 512 * 512;
-        let mut budget = Budget::new(most, pixels);
+        let mut budget = Budget::new(most);
         let (mut pending, mut busy, mut longest) = (0usize, 0.0, 0);
         let mut status = LinkStatus {
             connected: 1,
@@ -103,12 +118,37 @@ mod tests {
     }
 
     #[test]
+    fn slow_frames_and_lost_requests_do_not_starve_servers_for_good() {
+        let mut budget = Budget::new(None);
+        let mut status = LinkStatus {
+            connected: 1,
+            credits: 1 << 20,
+            samples_per_second: 40_000.0,
+            ..LinkStatus::default()
+        };
+        budget.next(&status, 0.02, 1 << 20);
+        // Views that have gone take their requests with them: few answers, nothing pending.
+        status.samples_per_second = 500.0;
+        for _ in 0..100 {
+            let asked = budget.next(&status, 0.1, 1 << 20);
+            assert!(asked >= 4000, "{asked}");
+        }
+        // Servers that are busy all the time and do no more are slower than they were.
+        status.queued = 20_000;
+        for _ in 0..100 {
+            budget.next(&status, 0.1, 1 << 20);
+        }
+        status.queued = 0;
+        assert!(budget.next(&status, 0.1, 1 << 20) < 1000);
+    }
+
+    #[test]
     fn credits_and_the_person_bound_what_is_asked() {
         let (_, longest) = run(100_000.0, 1000, None);
         assert!(longest <= 1000);
         let (busy, _) = run(1_000_000.0, 1 << 20, Some(100));
         assert!(busy < 0.01);
-        let mut budget = Budget::new(None, 10);
+        let mut budget = Budget::new(None);
         let asked = budget.next(&LinkStatus::default(), f64::NAN, 10);
         assert!(asked <= 10);
     }

@@ -22,7 +22,7 @@ pub(super) enum Command {
 }
 
 /// The list of keys, for people.
-pub(super) const HELP: [&str; 21] = [
+pub(super) const HELP: [&str; 23] = [
     "left drag        turn round the target",
     "right drag       move sideways (middle too)",
     "wheel            nearer, farther",
@@ -38,10 +38,12 @@ pub(super) const HELP: [&str; 21] = [
     "5                priorities",
     "6                samples a pixel",
     "",
-    "M                method: full, simple, none",
+    "M                method: edges, without the",
+    "                   complex filter, points only",
     "R                every pixel ray-traced",
     "F                freeze the points",
-    "space            pause shading;  C: clear points",
+    "C                forget the points",
+    "space            pause shading",
     "F12              screenshot (ctrl-S too)",
     "H  this list     Esc  quit (ctrl-Q too)",
 ];

@@ -17,7 +17,7 @@ use scenes::{CameraPath, CameraSpec};
 use winit::error::EventLoopError;
 use winit::event_loop::EventLoop;
 
-use crate::cli::WindowArgs;
+use crate::cli::{ServerArgs, WindowArgs};
 use crate::servers::{Servers, ServersError};
 use app::{App, Wake};
 use controller::Controller;
@@ -87,6 +87,21 @@ pub fn run(subject: Subject<'_>, args: &WindowArgs) -> Result<(), WindowError> {
         (Some(failure), _) => Err(failure),
         (None, Err(e)) => Err(WindowError::Lost(reason(&e))),
         (None, Ok(())) => Ok(()),
+    }
+}
+
+/// Servers that are started here leave a core to the display, which would else have to wait for them after all.
+fn with_room_for_the_display(args: &ServerArgs) -> ServerArgs {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let each = (cores.saturating_sub(1) / usize::from(args.servers)).max(1);
+    ServerArgs {
+        shader_threads: args.shader_threads.or_else(|| {
+            // A foreign program need not know the option.
+            args.shader
+                .is_none()
+                .then(|| u16::try_from(each).unwrap_or(u16::MAX))
+        }),
+        ..args.clone()
     }
 }
 

@@ -106,7 +106,7 @@ impl Session {
             display: Display::new(scene, all, 1, 1, seed),
             servers,
             choices: if every_pixel { all } else { choices },
-            budget: Budget::new(most, 0),
+            budget: Budget::new(most),
             baseline: every_pixel.then(|| Baseline::new(Grid::new(1, 1))),
             tone: ToneMap::new(),
             wanted: Wanted::default(),
@@ -168,11 +168,14 @@ impl Session {
         }
         let keep = self.rebuild.take() != Some(Keep::Nothing);
         self.display.rebuild(self.choices, size.0, size.1, keep);
-        self.display.begin(view, self.number);
-        if self.size != size {
-            self.size = size;
-            self.budget = Budget::new(self.budget.most(), self.pixels());
-        }
+        // Samples of another view are none of this one's: no view has the number 0.
+        let number = if self.view == Some(*view) {
+            self.number
+        } else {
+            0
+        };
+        self.display.begin(view, number);
+        self.size = size;
         if self.baseline.is_some() {
             self.baseline = Some(Baseline::new(self.display.grid()));
         }
@@ -358,7 +361,7 @@ impl Session {
             items.push(tell_method(self.choices.method).into());
             let kinds = self.stats.pixels;
             items.push(format!(
-                "{} edges, pixels {:.0}% simple {:.0}% complex",
+                "{} edges, pixels {:.1}% simple {:.1}% complex",
                 self.stats.silhouette_edges + self.stats.shadow_edges,
                 share(kinds.simple),
                 share(kinds.complex)

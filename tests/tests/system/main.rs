@@ -11,3 +11,4 @@ mod no_display;
 mod python;
 mod servers;
 mod support;
+mod window;
