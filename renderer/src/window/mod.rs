@@ -67,7 +67,13 @@ pub fn run(subject: Subject<'_>, args: &WindowArgs) -> Result<(), WindowError> {
             .send_event(Wake);
     });
     let pixels = args.size.0 as usize * args.size.1 as usize;
-    let servers = Servers::start(&args.servers, subject.scene, args.seed, pixels, Some(waker))?;
+    let servers = Servers::start(
+        &with_room_for_the_display(&args.servers),
+        subject.scene,
+        args.seed,
+        pixels,
+        Some(waker),
+    )?;
     let session = Session::new(
         subject.scene,
         args.choices,

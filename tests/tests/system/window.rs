@@ -54,15 +54,14 @@ impl Screen {
             .env_remove("WAYLAND_SOCKET")
     }
 
-    /// Types keys into the window.
-    #[track_caller]
-    fn keys(&self, keys: &[&str]) {
+    /// Types keys into the window. What comes of it shows whether it worked: typing a key that closes the window fails.
+    fn type_keys(&self, keys: &[&str]) {
         let mut typing = Command::new("xdotool");
         typing
             .args(["search", "--sync", "--name", "edge and point"])
             .args(["windowfocus", "--sync", "key", "--delay", "50"])
             .args(keys);
-        assert!(self.on(&mut typing).status().unwrap().success());
+        let _ = self.on(&mut typing).stderr(Stdio::null()).status().unwrap();
     }
 }
 
@@ -78,7 +77,7 @@ impl Drop for Screen {
 fn wait_for_picture(screen: &Screen, out: &Path, good: impl Fn(&image::RgbImage) -> bool) {
     let start = Instant::now();
     loop {
-        screen.keys(&["F12"]);
+        screen.type_keys(&["F12"]);
         sleep(Duration::from_millis(200));
         let shots = fs::read_dir(out).into_iter().flatten().flatten();
         let newest = shots
@@ -117,11 +116,11 @@ fn the_window_draws_outlives_its_server_and_closes() {
     });
     server.kill();
     // Edges need no server, and are yellow or magenta.
-    screen.keys(&["2"]);
+    screen.type_keys(&["2"]);
     wait_for_picture(&screen, &out, |picture| {
         picture.pixels().any(|p| p.0 == [0xff, 0xd8, 0])
     });
     assert!(window.is_running());
-    screen.keys(&["Escape"]);
+    screen.type_keys(&["Escape"]);
     window.finish().succeeded();
 }
