@@ -39,7 +39,7 @@ const NOTCH_PX: f64 = 40.0;
 pub(super) struct Wake;
 
 /// What is told about the servers, as far as a change of it wants a new frame.
-type Told = (usize, u64);
+type Told = (usize, u64, bool);
 
 /// The window and all behind it.
 pub(super) struct App {
@@ -87,7 +87,7 @@ impl App {
             clock: Instant::now(),
             dirty: true,
             woken: false,
-            told: (0, 0),
+            told: (0, 0, false),
         }
     }
 
@@ -163,7 +163,8 @@ impl App {
     /// Looks at what changes without an event: the servers' state, a message's time.
     fn look_after(&mut self, now: Instant) {
         let status = self.session.servers();
-        let told = (status.connected, status.faults);
+        let busy = status.samples_per_second > 0.0;
+        let told = (status.connected, status.faults, busy);
         if told != self.told {
             self.told = told;
             self.dirty = true;

@@ -342,12 +342,14 @@ impl Session {
         let servers = self.servers.status();
         let pixels = self.pixels().max(1) as f64;
         let share = |n: usize| n as f64 * 100.0 / pixels;
+        let frames = if self.settled {
+            format!("{:.1} ms a frame", self.pace.cost_ms)
+        } else {
+            let rate = 1.0 / self.pace.interval_s.max(1e-3);
+            format!("{rate:.0} frames/s, {:.1} ms", self.pace.cost_ms)
+        };
         let mut items = vec![
-            format!(
-                "{:.0} frames/s, {:.1} ms",
-                1.0 / self.pace.interval_s.max(1e-3),
-                self.pace.cost_ms
-            ),
+            frames,
             format!("{} samples/s", short(servers.samples_per_second)),
             format!(
                 "{:.0}% of pixels sampled",
