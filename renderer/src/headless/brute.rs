@@ -82,7 +82,7 @@ pub(super) fn frame(
     let wait_ms = waiting.elapsed().as_secs_f64() * 1e3 - drained;
     let mut shown = Vec::new();
     ms.time(Stage::Present, || {
-        ToneMap::new().map(grid, &rgb, &mut shown)
+        ToneMap::new().map(grid, &rgb, &mut shown);
     });
     let stats = FrameStats {
         frame,

@@ -19,7 +19,7 @@ pub struct OutputError {
 }
 
 impl OutputError {
-    pub(crate) fn new(path: &Path, reason: impl ToString) -> Self {
+    pub(crate) fn new(path: &Path, reason: &impl ToString) -> Self {
         Self {
             path: path.to_owned(),
             reason: reason.to_string(),
@@ -44,9 +44,9 @@ impl Output {
     /// # Errors
     /// If either cannot be made.
     pub(super) fn new(args: &RenderArgs) -> Result<Self, OutputError> {
-        std::fs::create_dir_all(&args.out).map_err(|e| OutputError::new(&args.out, e))?;
+        std::fs::create_dir_all(&args.out).map_err(|e| OutputError::new(&args.out, &e))?;
         let stats = args.stats.as_ref().map(|path| {
-            let file = File::create(path).map_err(|e| OutputError::new(path, e))?;
+            let file = File::create(path).map_err(|e| OutputError::new(path, &e))?;
             Ok((path.clone(), BufWriter::new(file)))
         });
         Ok(Self {
@@ -92,11 +92,11 @@ impl Output {
         let Some((path, file)) = &mut self.stats else {
             return Ok(());
         };
-        let line = serde_json::to_string(stats).map_err(|e| OutputError::new(path, e))?;
+        let line = serde_json::to_string(stats).map_err(|e| OutputError::new(path, &e))?;
         // Each line goes out whole, so that whoever follows the file sees frames as they come.
         writeln!(file, "{line}")
             .and_then(|()| file.flush())
-            .map_err(|e| OutputError::new(path, e))
+            .map_err(|e| OutputError::new(path, &e))
     }
 
     /// The last picture written.
@@ -115,9 +115,9 @@ pub fn write_png(path: &Path, width: u32, height: u32, shown: &[u32]) -> Result<
         .flat_map(|p| [(p >> 16) as u8, (p >> 8) as u8, *p as u8])
         .collect();
     image::RgbImage::from_raw(width, height, bytes)
-        .ok_or_else(|| OutputError::new(path, "the picture has no pixels"))?
+        .ok_or_else(|| OutputError::new(path, &"the picture has no pixels"))?
         .save(path)
-        .map_err(|e| OutputError::new(path, e))
+        .map_err(|e| OutputError::new(path, &e))
 }
 
 /// Writes linear radiance (planes by `grid`) as OpenEXR.
@@ -130,7 +130,7 @@ pub fn write_exr(path: &Path, grid: Grid, rgb: &[Vec<f32>; 3]) -> Result<(), Out
         .flat_map(|at| [rgb[0][at], rgb[1][at], rgb[2][at]])
         .collect();
     image::Rgb32FImage::from_raw(grid.width as u32, grid.height as u32, data)
-        .ok_or_else(|| OutputError::new(path, "the picture has no pixels"))?
+        .ok_or_else(|| OutputError::new(path, &"the picture has no pixels"))?
         .save(path)
-        .map_err(|e| OutputError::new(path, e))
+        .map_err(|e| OutputError::new(path, &e))
 }

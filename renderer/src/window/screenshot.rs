@@ -15,7 +15,7 @@ pub(super) fn save(
     shown: &[u32],
     (grid, rgb): (Grid, &[Vec<f32>; 3]),
 ) -> Result<PathBuf, OutputError> {
-    std::fs::create_dir_all(folder).map_err(|e| OutputError::new(folder, e))?;
+    std::fs::create_dir_all(folder).map_err(|e| OutputError::new(folder, &e))?;
     let png = (1..)
         .map(|n| folder.join(format!("screenshot-{n:04}.png")))
         .find(|path| !path.exists())
