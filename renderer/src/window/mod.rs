@@ -6,9 +6,11 @@ mod budget;
 mod controller;
 mod keys;
 mod overlay;
+mod pace;
 mod screenshot;
 mod session;
 mod surface;
+mod tell;
 
 use std::sync::{Arc, Mutex, PoisonError};
 

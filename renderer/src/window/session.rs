@@ -8,6 +8,8 @@ use protocol::scene::Scene;
 
 use super::baseline::Baseline;
 use super::budget::Budget;
+use super::pace::Pace;
+use super::tell::Figures;
 use crate::camera::View;
 use crate::config::{Choices, Method};
 use crate::epi::grid::Grid;
@@ -24,9 +26,6 @@ const VIEWS_REMEMBERED: usize = 32;
 const NEAR_SHARE: f32 = 0.1;
 /// How far the line of sight may have turned for that, as a share of the field of view.
 const NEAR_TURN: f32 = 0.2;
-/// Share that a new measurement has in a figure shown to people.
-const SMOOTHING: f64 = 0.1;
-
 /// The display and its servers, frame after frame.
 pub(super) struct Session {
     display: Display,
@@ -56,35 +55,6 @@ pub(super) struct Session {
 enum Keep {
     Points,
     Nothing,
-}
-
-/// How fast frames come, smoothed.
-#[derive(Clone, Copy, Debug, Default)]
-struct Pace {
-    last: Option<Instant>,
-    interval_s: f64,
-    cost_ms: f64,
-}
-
-impl Pace {
-    /// A frame begins; returns the time since the one before, seconds.
-    fn begin(&mut self, now: Instant) -> f64 {
-        let since = self.last.map_or(1.0, |l| (now - l).as_secs_f64());
-        self.last = Some(now);
-        // After a pause the pace is a new one.
-        let share = if since > 0.25 || self.interval_s > 0.25 {
-            1.0
-        } else {
-            SMOOTHING
-        };
-        self.interval_s += (since - self.interval_s) * share;
-        since
-    }
-
-    fn end(&mut self, ms: f64) {
-        let share = if self.cost_ms == 0.0 { 1.0 } else { SMOOTHING };
-        self.cost_ms += (ms - self.cost_ms) * share;
-    }
 }
 
 impl Session {
@@ -337,48 +307,20 @@ impl Session {
         self.pace.cost_ms
     }
 
-    /// What is to be told about it all.
+    /// What is to be told about it all, item by item.
     pub(super) fn status(&self) -> Vec<String> {
-        let servers = self.servers.status();
-        let pixels = self.pixels().max(1) as f64;
-        let share = |n: usize| n as f64 * 100.0 / pixels;
-        let frames = if self.settled {
-            format!("{:.1} ms a frame", self.pace.cost_ms)
-        } else {
-            let rate = 1.0 / self.pace.interval_s.max(1e-3);
-            format!("{rate:.0} frames/s, {:.1} ms", self.pace.cost_ms)
+        let figures = Figures {
+            interval_s: self.pace.interval_s,
+            cost_ms: self.pace.cost_ms,
+            pixels: self.pixels(),
+            stats: &self.stats,
+            servers: &self.servers.status(),
+            method: self.baseline.is_none().then_some(self.choices.method),
+            frozen: self.frozen,
+            paused: self.paused,
+            settled: self.settled,
         };
-        let mut items = vec![
-            frames,
-            format!("{} samples/s", short(servers.samples_per_second)),
-            format!(
-                "{:.0}% of pixels sampled",
-                share(self.stats.samples_visible)
-            ),
-            tell_servers(&servers),
-        ];
-        if self.baseline.is_some() {
-            items.push("every pixel ray-traced".into());
-        } else {
-            items.push(tell_method(self.choices.method).into());
-            let kinds = self.stats.pixels;
-            items.push(format!(
-                "{} edges, pixels {:.1}% simple {:.1}% complex",
-                self.stats.silhouette_edges + self.stats.shadow_edges,
-                share(kinds.simple),
-                share(kinds.complex)
-            ));
-        }
-        if self.frozen {
-            items.push("points frozen".into());
-        }
-        if self.paused {
-            items.push("paused".into());
-        }
-        if self.settled {
-            items.push("settled".into());
-        }
-        items
+        figures.tell()
     }
 }
 
@@ -388,36 +330,6 @@ fn near(a: &View, b: &View, reach: f32) -> bool {
     (a.width, a.height) == (b.width, b.height)
         && (a.eye - b.eye).length() <= NEAR_SHARE * reach
         && a.forward.dot(b.forward) >= turn
-}
-
-fn tell_method(method: Method) -> &'static str {
-    match method {
-        Method::EdgeAndPoint => "edge-and-point",
-        Method::NoComplex => "no-complex",
-        Method::PointsOnly => "points-only",
-        Method::Full => "full",
-        Method::Reference => "reference",
-    }
-}
-
-fn tell_servers(status: &LinkStatus) -> String {
-    match (status.connected, &status.last_fault) {
-        (0, None) => "connecting to the shader server".into(),
-        (0, Some(why)) => format!("no shader server: reconnecting ({why})"),
-        (1, _) if status.servers == 1 => "1 shader server".into(),
-        (n, _) => format!("{n} of {} shader servers", status.servers),
-    }
-}
-
-/// A count with three digits or so.
-fn short(n: f64) -> String {
-    if n < 1e4 {
-        format!("{n:.0}")
-    } else if n < 1e6 {
-        format!("{:.0}k", n / 1e3)
-    } else {
-        format!("{:.2}M", n / 1e6)
-    }
 }
 
 #[cfg(test)]
@@ -454,41 +366,5 @@ mod tests {
             5.0
         ));
         assert!(!near(&view([0.0, 0.0, 5.0], [0.0; 3], 32), &here, 5.0));
-    }
-
-    #[test]
-    fn servers_are_told_in_words() {
-        let mut status = LinkStatus {
-            servers: 1,
-            ..LinkStatus::default()
-        };
-        assert_eq!(tell_servers(&status), "connecting to the shader server");
-        status.last_fault = Some("it closed the connection".into());
-        assert_eq!(
-            tell_servers(&status),
-            "no shader server: reconnecting (it closed the connection)"
-        );
-        status.connected = 1;
-        assert_eq!(tell_servers(&status), "1 shader server");
-        status.servers = 3;
-        assert_eq!(tell_servers(&status), "1 of 3 shader servers");
-        assert_eq!(
-            [short(950.0), short(41_234.0), short(2e6)],
-            ["950", "41k", "2.00M"]
-        );
-    }
-
-    #[test]
-    fn the_pace_follows_a_steady_run_and_starts_anew_after_a_pause() {
-        let mut pace = Pace::default();
-        let start = Instant::now();
-        let ms = std::time::Duration::from_millis;
-        for frame in 0..100 {
-            pace.begin(start + ms(20 * frame));
-        }
-        assert!((pace.interval_s - 0.02).abs() < 1e-3);
-        pace.begin(start + ms(10_000));
-        pace.begin(start + ms(10_010));
-        assert!((pace.interval_s - 0.01).abs() < 1e-3);
     }
 }
