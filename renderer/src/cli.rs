@@ -47,7 +47,7 @@ pub struct ServerArgs {
     pub shader: Option<PathBuf>,
     /// How many shader servers to start
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=64))]
-    pub servers: u16,
+    pub shaders: u16,
     /// Threads of each shader server that is started (default: all cores, shared among them; all but one with a window)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub shader_threads: Option<u16>,

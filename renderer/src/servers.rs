@@ -168,7 +168,7 @@ fn sources(args: &ServerArgs) -> Result<Vec<ServerSource>, ServersError> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let threads = args
         .shader_threads
-        .map_or_else(|| (cores / usize::from(args.servers)).max(1), usize::from);
+        .map_or_else(|| (cores / usize::from(args.shaders)).max(1), usize::from);
     let (program, mut own): (PathBuf, Vec<OsString>) = match &args.shader {
         Some(program) => (program.clone(), Vec::new()),
         None => (
@@ -181,5 +181,5 @@ fn sources(args: &ServerArgs) -> Result<Vec<ServerSource>, ServersError> {
         own.extend(["--threads".into(), threads.to_string().into()]);
     }
     let source = ServerSource::Spawn { program, args: own };
-    Ok(vec![source; usize::from(args.servers)])
+    Ok(vec![source; usize::from(args.shaders)])
 }

@@ -61,6 +61,7 @@ impl Display {
                 .find_empty(level, cache, view, &mut self.projected, limit, found);
         }
         self.prioritize();
+        self.drop_settled();
         self.request_chosen(budget - self.uncovered.len(), wanted);
         for &(x, y) in &self.uncovered {
             self.last_id += 1;
@@ -71,6 +72,20 @@ impl Display {
                 y,
                 offset,
             });
+        }
+    }
+
+    /// Takes the priority of pixels that more samples would not change visibly: a still camera stops asking when none is
+    /// left.
+    fn drop_settled(&mut self) {
+        for &pixel in self.still.touched() {
+            let (x, y) = (
+                pixel as usize % self.grid.width,
+                pixel as usize / self.grid.width,
+            );
+            if self.still.whole(x, y).is_settled() {
+                self.priorities.priority[self.grid.at(x, y)] = 0.0;
+            }
         }
     }
 

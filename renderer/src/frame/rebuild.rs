@@ -50,7 +50,7 @@ impl Display {
                 id: 0,
                 position: [0, 1, 2].map(|axis| cache.position[axis][slot]),
                 object: cache.info[slot].object,
-                radiance: [0, 1, 2].map(|channel| cache.rgb[channel][slot]),
+                radiance: cache.rgb[slot],
                 flags: cache.info[slot].flags,
             };
             if let Some(copy) = self.cache.insert(&sample, None) {
@@ -107,7 +107,7 @@ mod tests {
         let small = view(64, 48);
         display.begin(&small, 1);
         display.plan_first(500, &mut wanted);
-        display.receive(&answers(&small, &wanted));
+        display.receive(&answers(&small, &wanted), 1);
         display.draw(&small, 1);
         let before = display.take_stats(0);
         assert!(before.points > 400 && before.silhouette_edges > 0);

@@ -47,6 +47,23 @@ impl Mean {
     }
 }
 
+/// Standard error of a settled mean, display-encoded luminance: half of one step of 255.
+const SETTLED_ERROR: f32 = 0.5 / 255.0;
+
+/// Samples that a mean has at least before it can be settled: fewer may agree by chance.
+const SETTLED_FROM: f32 = 4.0;
+
+/// Samples at which a mean is settled whatever its error.
+const SETTLED_AT: f32 = 256.0;
+
+impl Mean {
+    /// Whether more samples would not change what a display shows of it.
+    pub fn is_settled(&self) -> bool {
+        self.count >= SETTLED_AT
+            || (self.count >= SETTLED_FROM && self.standard_error() <= SETTLED_ERROR)
+    }
+}
+
 /// Luminance as a display shows it, about: square root of the clamped linear luminance (Rec. 709 weights).
 pub fn encoded_luma(rgb: [f32; 3]) -> f32 {
     (0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2])
@@ -211,6 +228,17 @@ mod tests {
         assert_eq!(split.regions[0].rgb, [0.625; 3]);
         assert_eq!(split.regions[1].rgb, [0.25; 3]);
         assert!(still.split(69, 2, 78).is_none() && still.split(0, 0, 77).is_none());
+    }
+
+    #[test]
+    fn means_settle_when_samples_agree_or_are_many() {
+        let (mut even, mut uneven) = (Mean::default(), Mean::default());
+        for i in 0..256 {
+            even.add([0.5; 3], [0.5; 2]);
+            uneven.add([(i % 2) as f32; 3], [0.5; 2]);
+            assert_eq!(even.is_settled(), i >= 3);
+            assert_eq!(uneven.is_settled(), i >= 255);
+        }
     }
 
     #[test]

@@ -101,7 +101,7 @@ pub fn run(subject: Subject<'_>, args: &WindowArgs) -> Result<(), WindowError> {
 /// Servers that are started here leave a core to the display, which would else have to wait for them after all.
 fn with_room_for_the_display(args: &ServerArgs) -> ServerArgs {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
-    let each = (cores.saturating_sub(1) / usize::from(args.servers)).max(1);
+    let each = (cores.saturating_sub(1) / usize::from(args.shaders)).max(1);
     ServerArgs {
         shader_threads: args.shader_threads.or_else(|| {
             // A foreign program need not know the option.

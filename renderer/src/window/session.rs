@@ -186,7 +186,7 @@ impl Session {
             return;
         }
         self.settled = false;
-        self.display.receive(&self.received);
+        self.display.receive(&self.received, self.number);
         if let Some(baseline) = &mut self.baseline {
             baseline.take(&self.received);
         }
