@@ -155,7 +155,7 @@ impl Client {
         let stream = TcpStream::connect(server.address).await.unwrap();
         let (receiver, sender) = display_side(stream);
         let encoded = Arc::new(EncodedScene::new(scene).unwrap());
-        let session = DisplaySession::new(encoded.digest(), SceneSize::from(scene));
+        let session = DisplaySession::new(SceneSize::from(scene));
         let mut client = Self {
             receiver,
             sender,
@@ -164,11 +164,10 @@ impl Client {
             scene: encoded,
         };
         client.send(hello("test", seed)).await;
-        let DisplayEvent::Welcome { holds } = client.next().await.1 else {
-            panic!("no welcome");
-        };
-        client.scene_was_held = holds;
+        assert_eq!(client.next().await.1, DisplayEvent::Welcome);
         let scene = Arc::clone(&client.scene);
+        let holds = client.session.announce(scene.digest());
+        client.scene_was_held = holds;
         client.send(scene.begin()).await;
         if !holds {
             for chunk in scene.chunks() {
