@@ -4,6 +4,7 @@
 //! or two sequences; [`compare`] is the command on top.
 
 pub mod compare;
+pub mod edge_accuracy;
 pub mod metrics;
 pub mod picture;
 pub mod places;

@@ -15,6 +15,7 @@ mod orient;
 pub mod raster;
 pub mod tree;
 mod tree_build;
+pub mod truth;
 pub mod visibility;
 pub mod visible;
 pub mod weld;
@@ -23,12 +24,8 @@ pub mod world;
 #[cfg(test)]
 mod finder_tests;
 #[cfg(test)]
-mod measure;
-#[cfg(test)]
 mod raster_tests;
 #[cfg(test)]
 mod test_meshes;
 #[cfg(test)]
 mod tests;
-#[cfg(test)]
-mod truth;

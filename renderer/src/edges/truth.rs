@@ -30,31 +30,32 @@ enum Step {
 
 /// Counts of eighths of pixel boundaries.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct Score {
+pub struct Score {
     /// Steps in depth.
-    pub(super) steps: usize,
+    pub steps: usize,
     /// Those of them with a crossing within an eighth.
-    pub(super) steps_drawn: usize,
+    pub steps_drawn: usize,
     /// Crossings drawn.
-    pub(super) drawn: usize,
+    pub drawn: usize,
     /// Those of them with a step or a meeting within an eighth.
-    pub(super) drawn_true: usize,
+    pub drawn_true: usize,
 }
 
 impl Score {
-    pub(super) fn recall(&self) -> f64 {
+    /// Share of the steps in depth that are drawn.
+    pub fn recall(&self) -> f64 {
         self.steps_drawn as f64 / self.steps.max(1) as f64
     }
 
-    pub(super) fn precision(&self) -> f64 {
+    /// Share of the drawn crossings that separate something.
+    pub fn precision(&self) -> f64 {
         self.drawn_true as f64 / self.drawn.max(1) as f64
     }
 }
 
 /// What the pixel boundaries of a picture really separate; every `stride`-th line only.
-pub(super) struct Truth {
+pub struct Truth {
     width: usize,
-    height: usize,
     stride: usize,
     /// Eighths along every line, first horizontal lines.
     rows: Vec<Vec<Step>>,
@@ -62,8 +63,9 @@ pub(super) struct Truth {
 }
 
 impl Truth {
-    /// Steps in depth count from this share of the depth on.
-    pub(super) fn new(scene: &Scene, world: &World, view: &View, stride: usize, step: f32) -> Self {
+    /// Looks at every `stride`-th line of the view's picture, eight times a pixel. `world` is the scene as
+    /// [`world_of`](super::world::world_of) gives it; steps in depth count from the share `step` of the depth on.
+    pub fn new(scene: &Scene, world: &World, view: &View, stride: usize, step: f32) -> Self {
         let (width, height) = (view.width as usize, view.height as usize);
         let parts: Vec<Vec<u32>> = scene.meshes.iter().map(smooth_parts).collect();
         let see = |x: f32, y: f32| see(scene, world, view, &parts, x, y);
@@ -87,7 +89,6 @@ impl Truth {
             .collect();
         Self {
             width,
-            height,
             stride,
             rows,
             columns,
@@ -95,12 +96,12 @@ impl Truth {
     }
 
     /// Crossings and steps match if they are neighbours.
-    pub(super) fn score(&self, crossings: &Crossings) -> Score {
+    pub fn score(&self, crossings: &Crossings) -> Score {
         self.score_within(crossings, 1)
     }
 
     /// Crossings and steps match if they are at most so many eighths apart.
-    pub(super) fn score_within(&self, crossings: &Crossings, reach: usize) -> Score {
+    pub fn score_within(&self, crossings: &Crossings, reach: usize) -> Score {
         let mut score = Score::default();
         for (i, steps) in self.rows.iter().enumerate() {
             let y = (i + 1) * self.stride;
@@ -114,7 +115,6 @@ impl Truth {
                 crossings.vertical[k / 8 * (self.width + 1) + x] >> (k % 8) & 1 == 1
             });
         }
-        assert!(self.columns.iter().all(|c| c.len() == 8 * self.height));
         score
     }
 }

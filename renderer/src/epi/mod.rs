@@ -18,7 +18,5 @@ pub mod reach_tables;
 
 #[cfg(test)]
 pub(crate) mod testing;
-#[cfg(test)]
-pub(crate) mod timing;
 
 pub use image::{Counts, Epi, SamplePlaces};

@@ -55,7 +55,7 @@ pub struct Outcome {
 }
 
 /// Weight of a neighbour's colour against a sample's at the same distance, being a mean of samples already. The error is
-/// the same from 0.01 to 2 (a test prints it): what counts is that there is a colour at all.
+/// the same from 0.01 to 2 (a test checks it): what counts is that there is a colour at all.
 const LENT_WEIGHT: f32 = 0.25;
 
 /// The filter and its tables.

@@ -5,8 +5,7 @@ use super::*;
 use crate::edges::crossings::Crossings;
 use crate::epi::code::{NO_NEIGHBOUR, Places};
 use crate::epi::reach_tables::relation;
-use crate::epi::testing::{Random, any_crossings, config, draw_line, image, lines};
-use crate::epi::timing::{SIZES, best_ms};
+use crate::epi::testing::{Random, any_crossings, config, draw_line, image};
 
 fn reach_of(epi: &Epi) -> ReachMap {
     let mut reach = ReachMap::new(1, 1);
@@ -228,32 +227,5 @@ proptest! {
             };
             prop_assert_eq!(colours[0][epi.grid.at(x, y)], expected);
         }
-    }
-}
-
-#[test]
-#[ignore = "prints times"]
-fn timing_of_antialiasing() {
-    for (width, height, count) in SIZES {
-        let random = &mut Random::new(3);
-        let epi = image(
-            &lines(width, height, count, random),
-            0.3,
-            Places::Bits4,
-            random,
-        );
-        let reach = reach_of(&epi);
-        let mut colours = [(); 3].map(|()| vec![0.5f32; epi.grid.elements()]);
-        let bare = vec![0; epi.grid.plane_words()];
-        let inputs = Inputs {
-            epi: &epi,
-            reach: &reach,
-            bare: &bare,
-            direct: None,
-        };
-        let mut antialias = Antialias::default();
-        let mut outcome = Outcome::default();
-        let time = best_ms(|| outcome = antialias.apply(&inputs, &mut colours));
-        println!("{width}x{height} {outcome:?}: antialias {time:.3} ms");
     }
 }
