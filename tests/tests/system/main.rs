@@ -9,6 +9,7 @@ mod bad_input;
 mod lockstep;
 mod no_display;
 mod python;
+mod references;
 mod servers;
 mod support;
 mod window;
