@@ -125,7 +125,7 @@ pub fn measure(loaded: &LoadedScene, args: &Args) -> Vec<Line> {
     lines.push(line(name, Hiding::Rays(&world, RaySettings::default())));
     for share in [0.02, 0.1, 0.3, 1.0] {
         let buffer = sparse_depth(&view, &world, share);
-        let name = format!("points in {} % of pixels", share * 100.0);
+        let name = format!("points in {:.0} % of pixels", share * 100.0);
         let hiding = Hiding::Points(&buffer, DepthOffset::default());
         lines.push(line(name, hiding));
     }

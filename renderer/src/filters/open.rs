@@ -22,6 +22,9 @@ const MARGINS: [usize; 4] = [2, 5, 10, 20];
 /// Samples that a tile needs.
 const FEWEST: u32 = 6;
 
+/// Most samples around a tile: one in every pixel of the largest surroundings.
+const MOST: usize = (TILE_COLUMNS + 2 * MARGINS[3]) * (TILE_ROWS + 2 * MARGINS[3]);
+
 /// Bit planes that say where this works.
 #[derive(Clone, Copy)]
 pub struct Planes<'a> {
@@ -32,7 +35,7 @@ pub struct Planes<'a> {
 }
 
 /// Samples around a tile, relative to its first pixel's corner.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Gathered {
     x: Vec<f32>,
     y: Vec<f32>,
@@ -40,6 +43,20 @@ pub struct Gathered {
     rgb: [Vec<f32>; 3],
     low: [f32; 3],
     high: [f32; 3],
+}
+
+impl Default for Gathered {
+    fn default() -> Self {
+        let plane = || Vec::with_capacity(MOST);
+        Self {
+            x: plane(),
+            y: plane(),
+            count: plane(),
+            rgb: [plane(), plane(), plane()],
+            low: [0.0; 3],
+            high: [0.0; 3],
+        }
+    }
 }
 
 /// A part of the image: columns and rows, the ends not included.
