@@ -19,7 +19,7 @@ use crate::filters::complex::{self, ComplexFilter};
 use crate::filters::interpolate::{self, Interpolated, interpolate};
 use crate::filters::settle::settle;
 use crate::filters::spread::{Neighbours, Spread};
-use crate::points::cull::{CullScratch, cull};
+use crate::points::cull::{Ask, CullScratch, cull};
 use crate::points::project::{Projected, project};
 use crate::points::still::Mean;
 use crate::points::{PixelSamples, PointCache, Still};
@@ -171,22 +171,27 @@ impl Display {
                 view,
                 &mut self.projected,
                 &mut self.pixels,
-                &mut self.seen,
+                (&mut self.seen, self.plans as usize),
             );
         });
         ms.time(Stage::Depth, || {
             let (world, cache) = (self.edges.world(), &self.cache);
+            let (level, pixels, scratch) = (self.level, &mut self.pixels, &mut self.culling);
             match self.choices.point_culling {
-                PointCulling::None => 0,
-                PointCulling::Depth => {
-                    cull(self.level, &mut self.pixels, &mut self.culling, |_| false)
-                }
+                PointCulling::None => {}
+                PointCulling::Depth => cull(level, Ask::Behind, pixels, scratch, |_| false),
                 PointCulling::Rays => {
-                    cull(self.level, &mut self.pixels, &mut self.culling, |point| {
+                    cull(level, Ask::BehindOrDoubtful, pixels, scratch, |point| {
                         world.is_none_or(|w| edges::sees(w, view, cache, point))
                     })
                 }
-            };
+            }
+            if self.choices.point_culling == PointCulling::Rays {
+                for &point in self.culling.removed() {
+                    self.seen[point as usize] = 0;
+                    self.cache.grow_stale(point);
+                }
+            }
             // A point is 128 old on average when a new one takes its place (Render Cache 2002).
             self.ageing += 128.0 * self.samples_new as f32 / self.cache.capacity() as f32;
             let step = self.ageing.floor().min(255.0);

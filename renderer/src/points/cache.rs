@@ -3,6 +3,9 @@
 use glam::Vec3;
 use protocol::messages::{Sample, flags};
 
+/// Age that a point gains whenever a nearer surface is found to hide it.
+const HIDDEN_AGE: u8 = 24;
+
 /// What the cache holds of a point besides its place and colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PointInfo {
@@ -143,6 +146,15 @@ impl PointCache {
         self.hand = (self.hand + 32) % n;
         self.evicted += 1;
         Some(oldest as u32)
+    }
+
+    /// Ages a point that was found hidden: after a few such frames it is the next to go, and is asked about no more.
+    pub fn grow_stale(&mut self, slot: u32) {
+        let age = &mut self.age[slot as usize];
+        *age = age.saturating_add(HIDDEN_AGE);
+        if *age == u8::MAX {
+            self.remove(slot);
+        }
     }
 
     /// Ages every point by one frame's worth: those seen (255, not 0) by `step`, the others by twice as much, so that points

@@ -15,6 +15,7 @@ pub struct CullScratch {
     /// One over depth, 0 where no point is.
     inverse: Vec<f32>,
     suspects: Vec<u64>,
+    removed: Vec<u32>,
 }
 
 impl CullScratch {
@@ -23,36 +24,58 @@ impl CullScratch {
         Self {
             inverse: vec![0.0; grid.elements()],
             suspects: vec![0; grid.plane_words()],
+            removed: Vec::with_capacity(grid.width * grid.height),
         }
     }
 }
 
-/// Calls `keep` for the point of every pixel that lies well behind its neighbours' mean depth (Render Cache 2002, "Depth
-/// cull") and takes away those for which it says no; gives how many were taken. A point at a silhouette is legitimately
-/// behind its neighbours, so `keep` can ask the scene; the Render Cache itself always says no.
+impl CullScratch {
+    /// Points that the last call of [`cull`] took away.
+    pub fn removed(&self) -> &[u32] {
+        &self.removed
+    }
+}
+
+/// Which points [`cull`] asks about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ask {
+    /// Those well behind the mean depth of their neighbours (Render Cache 2002, "Depth cull").
+    Behind,
+    /// Those, and all that are [doubtful](PixelSamples::doubtful): where points are sparse a hidden one may have no nearer
+    /// neighbour to give it away.
+    BehindOrDoubtful,
+}
+
+/// Calls `keep` for the points that may be hidden and takes away those for which it says no. A point at a silhouette is
+/// legitimately behind its neighbours, so `keep` can ask the scene; the Render Cache itself always says no.
 pub fn cull(
     level: Level,
+    ask: Ask,
     pixels: &mut PixelSamples,
     scratch: &mut CullScratch,
     mut keep: impl FnMut(u32) -> bool,
-) -> usize {
+) {
     let grid = pixels.grid;
     dispatch!(level, simd => find_suspects(simd, pixels, scratch));
-    let mut removed = 0;
+    scratch.removed.clear();
     for y in 0..grid.height {
         for word in 0..grid.words {
-            let mut left = scratch.suspects[y * grid.words + word];
+            let i = y * grid.words + word;
+            let mut left = scratch.suspects[i];
+            if ask == Ask::BehindOrDoubtful {
+                left |= pixels.doubtful[i];
+            }
             while left != 0 {
                 let x = word * 64 + left.trailing_zeros() as usize;
                 left &= left - 1;
-                if !keep(pixels.point[grid.at(x, y)]) {
+                let point = pixels.point[grid.at(x, y)];
+                if !keep(point) {
                     pixels.remove(x, y);
-                    removed += 1;
+                    scratch.removed.push(point);
                 }
             }
         }
     }
-    removed
 }
 
 /// Marks points well behind the mean of the up to 8 around them. Inverse depth is linear over a plane in the image, so that
@@ -112,16 +135,15 @@ mod tests {
         let hole = grid.at(70, 2);
         pixels.depth[hole] *= 3.0;
         let mut asked = Vec::new();
-        let removed = cull(
-            Level::new(),
-            &mut pixels,
-            &mut CullScratch::new(grid),
-            |p| {
-                asked.push(p);
-                false
-            },
+        let mut scratch = CullScratch::new(grid);
+        cull(Level::new(), Ask::Behind, &mut pixels, &mut scratch, |p| {
+            asked.push(p);
+            false
+        });
+        assert_eq!(
+            (scratch.removed(), &asked[..]),
+            (&[2 * 80 + 70][..], &[2 * 80 + 70][..])
         );
-        assert_eq!((removed, asked), (1, vec![2 * 80 + 70]));
         assert!(!pixels.has_sample(70, 2) && pixels.has_sample(69, 2));
     }
 }

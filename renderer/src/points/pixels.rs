@@ -25,6 +25,8 @@ pub struct PixelSamples {
     pub depth: Vec<f32>,
     /// Index of the point in the cache, or [`NO_POINT`].
     pub point: Vec<u32>,
+    /// Plane: the point was not seen in the frame before, or its turn has come to be checked again.
+    pub doubtful: Vec<u64>,
 }
 
 impl PixelSamples {
@@ -40,6 +42,7 @@ impl PixelSamples {
             count: vec![1.0; n],
             depth: vec![f32::INFINITY; n],
             point: vec![NO_POINT; n],
+            doubtful: vec![0; grid.plane_words()],
         }
     }
 

@@ -9,6 +9,12 @@ use crate::camera::View;
 /// Depth given to points at infinity, metres: behind all else, still finite.
 pub const FAR_DEPTH: f32 = 1e30;
 
+/// A point that stays in sight is checked once in so many frames.
+pub const TURNS: usize = 8;
+
+/// Marks in [`project`]'s `seen` the points kept in this frame, until all are known.
+const KEPT: u8 = 1;
+
 /// Scratch of [`project`], a value a point.
 #[derive(Clone, Debug, Default)]
 pub struct Projected {
@@ -40,17 +46,19 @@ impl Projected {
 }
 
 /// Projects all points of the cache and leaves in each pixel of `pixels` the nearest of those that fall in it; of equally
-/// near ones the one in the lower slot. `seen` gets 255 for each point that a pixel keeps and 0 for the others. `level` chooses the instruction set; results do not depend on it.
+/// near ones the one in the lower slot. `seen`
+/// says of each point whether a pixel kept it in the frame before (0 if not); afterwards it says so of this one (255 or 0).
+/// One in [`TURNS`] of the points that were seen is doubted anew, by `turn`. Results do not depend on `level`.
 pub fn project(
     level: Level,
     cache: &PointCache,
     view: &View,
     projected: &mut Projected,
     pixels: &mut PixelSamples,
-    seen: &mut [u8],
+    (seen, turn): (&mut [u8], usize),
 ) {
     project_points(level, cache, view, projected);
-    scatter(cache, view, projected, pixels, seen);
+    scatter(cache, view, projected, pixels, (seen, turn));
 }
 
 /// Projects all points of the cache, without asking which hides which.
@@ -134,7 +142,7 @@ fn scatter(
     view: &View,
     projected: &mut Projected,
     pixels: &mut PixelSamples,
-    seen: &mut [u8],
+    (seen, turn): (&mut [u8], usize),
 ) {
     let grid = pixels.grid;
     debug_assert!(grid.width == view.width as usize && grid.height == view.height as usize);
@@ -155,10 +163,9 @@ fn scatter(
             *cell = key.min(*cell);
         }
     }
-    seen.fill(0);
     for row in 0..grid.height {
         for word in 0..grid.words {
-            let mut bits = 0u64;
+            let (mut bits, mut doubtful) = (0u64, 0u64);
             let first = grid.at(word * 64, row);
             let keys = &nearest[row * grid.stride + word * 64..][..64];
             for (k, &key) in keys.iter().enumerate() {
@@ -170,7 +177,9 @@ fn scatter(
                 }
                 let i = key as u32 as usize;
                 bits |= 1 << k;
-                seen[i] = 255;
+                let doubt = seen[i] == 0 || (i + turn).is_multiple_of(TURNS);
+                doubtful |= u64::from(doubt) << k;
+                seen[i] = KEPT;
                 pixels.depth[at] = f32::from_bits((key >> 32) as u32);
                 pixels.point[at] = i as u32;
                 pixels.x[at] = x[i] - (word * 64 + k) as f32;
@@ -181,6 +190,10 @@ fn scatter(
                 }
             }
             pixels.has[row * grid.words + word] = bits;
+            pixels.doubtful[row * grid.words + word] = doubtful;
         }
+    }
+    for state in seen {
+        *state = if *state == KEPT { 255 } else { 0 };
     }
 }
