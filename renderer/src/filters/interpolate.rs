@@ -101,7 +101,7 @@ pub fn interpolate<R: Reach>(
             let first = grid.at(word * 64, y);
             match method {
                 Method::LinearFit => {
-                    dispatch!(level, simd => fit_word(simd, inputs, &taps, first, out))
+                    dispatch!(level, simd => fit_word(simd, inputs, &taps, first, out));
                 }
                 Method::FixedWeights => {
                     dispatch!(level, simd => fixed_word(simd, inputs.samples, &taps, first, out));
@@ -233,16 +233,16 @@ fn fixed_word<S: Simd>(
                 zero,
             );
             sum += w;
-            for k in 0..3 {
-                c[k] += w * S::f32s::from_slice(simd, &samples.rgb[k][from..from + lanes]);
+            for (c, plane) in c.iter_mut().zip(&samples.rgb) {
+                *c += w * S::f32s::from_slice(simd, &plane[from..from + lanes]);
             }
         }
         sum.store_slice(&mut out.weight[at..at + lanes]);
         let some = sum.simd_gt(zero);
         let inv = S::f32s::splat(simd, 1.0) / some.select(sum, S::f32s::splat(simd, 1.0));
-        for k in 0..3 {
-            some.select(c[k] * inv, zero)
-                .store_slice(&mut out.rgb[k][at..at + lanes]);
+        for (c, plane) in c.into_iter().zip(&mut out.rgb) {
+            some.select(c * inv, zero)
+                .store_slice(&mut plane[at..at + lanes]);
         }
     }
 }

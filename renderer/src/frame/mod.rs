@@ -142,7 +142,7 @@ impl Display {
         if self.choices.edges() {
             self.edges.find(view, &self.pixels, &mut ms);
             ms.time(Stage::Classify, || {
-                self.edges.classify(self.level, &mut self.epi)
+                self.edges.classify(self.level, &mut self.epi);
             });
         }
         ms.time(Stage::Classify, || self.settle_primary());
@@ -156,7 +156,7 @@ impl Display {
         }
         if settling {
             ms.time(Stage::Antialias, || {
-                settle(&self.still, &self.epi, &mut self.image)
+                settle(&self.still, &self.epi, &mut self.image);
             });
         }
         self.stage_ms = ms;
@@ -174,31 +174,32 @@ impl Display {
                 (&mut self.seen, self.plans as usize),
             );
         });
-        ms.time(Stage::Depth, || {
-            let (world, cache) = (self.edges.world(), &self.cache);
-            let (level, pixels, scratch) = (self.level, &mut self.pixels, &mut self.culling);
-            match self.choices.point_culling {
-                PointCulling::None => {}
-                PointCulling::Depth => cull(level, Ask::Behind, pixels, scratch, |_| false),
-                PointCulling::Rays => {
-                    cull(level, Ask::BehindOrDoubtful, pixels, scratch, |point| {
-                        world.is_none_or(|w| edges::sees(w, view, cache, point))
-                    })
-                }
-            }
-            if self.choices.point_culling == PointCulling::Rays {
-                for &point in self.culling.removed() {
-                    self.seen[point as usize] = 0;
-                    self.cache.grow_stale(point);
-                }
-            }
-            // A point is 128 old on average when a new one takes its place (Render Cache 2002).
-            self.ageing += 128.0 * self.samples_new as f32 / self.cache.capacity() as f32;
-            let step = self.ageing.floor().min(255.0);
-            self.ageing -= step;
-            self.cache.grow_older(&self.seen, step as u8);
-        });
+        ms.time(Stage::Depth, || self.cull_points(view));
         self.stage_ms = ms;
+    }
+
+    fn cull_points(&mut self, view: &View) {
+        let (world, cache) = (self.edges.world(), &self.cache);
+        let (level, pixels, scratch) = (self.level, &mut self.pixels, &mut self.culling);
+        match self.choices.point_culling {
+            PointCulling::None => {}
+            PointCulling::Depth => cull(level, Ask::Behind, pixels, scratch, |_| false),
+            PointCulling::Rays => {
+                let keep = |p| world.is_none_or(|w| edges::sees(w, view, cache, p));
+                cull(level, Ask::BehindOrDoubtful, pixels, scratch, keep);
+            }
+        }
+        if self.choices.point_culling == PointCulling::Rays {
+            for &point in self.culling.removed() {
+                self.seen[point as usize] = 0;
+                self.cache.grow_stale(point);
+            }
+        }
+        // A point is 128 old on average when a new one takes its place (Render Cache 2002).
+        self.ageing += 128.0 * self.samples_new as f32 / self.cache.capacity() as f32;
+        let step = self.ageing.floor().min(255.0);
+        self.ageing -= step;
+        self.cache.grow_older(&self.seen, step as u8);
     }
 
     /// Puts the means of a still camera into their pixels, and settles primary regions and their middles.

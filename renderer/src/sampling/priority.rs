@@ -145,8 +145,8 @@ fn contrast_word<S: Simd, R: Reach>(
             }
             let from = (at as isize + dy as isize * grid.stride as isize + dx as isize) as usize;
             let mut step = (here[0] - load(0, from)).abs();
-            for c in 1..3 {
-                step = step.max((here[c] - load(c, from)).abs());
+            for (c, &here) in here.iter().enumerate().skip(1) {
+                step = step.max((here - load(c, from)).abs());
             }
             let counted = S::mask32s::from_bitmask(simd, bits);
             most = most.max(counted.select(step, zero));
