@@ -1,10 +1,5 @@
 //! Once its buffers have grown, the frame loop asks for no memory.
 
-#![expect(
-    clippy::unwrap_used,
-    reason = "a failed step of a test is a failed test, in its helpers too"
-)]
-
 use std::sync::Arc;
 
 use protocol::messages::{Camera, SampleRequest};
