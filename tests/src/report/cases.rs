@@ -73,15 +73,34 @@ fn references(folder: &Path, work: &Path) -> io::Result<Vec<Case>> {
     Ok(cases)
 }
 
-/// A copy in `work` of a scene file, asking for direct light and naming its meshes by whole paths.
+/// A copy in `work` of a scene file, asking for direct light, naming its meshes by whole paths, and with a path `move` if
+/// the scene has no path.
 fn with_direct_light(folder: &Path, file: &str, work: &Path) -> io::Result<PathBuf> {
     let folder = folder.canonicalize()?;
-    let text = fs::read_to_string(folder.join(file))?
+    let mut text = fs::read_to_string(folder.join(file))?
         .replace("model = \"global\"", "model = \"direct\"")
         .replace("mesh = \"", &format!("mesh = \"{}/", folder.display()));
+    if !text.contains("[[path]]") {
+        let scene = scenes::load(&folder.join(file)).map_err(io::Error::other)?;
+        text += &circle(&scene.camera);
+    }
     let copy = work.join(format!("direct-{file}"));
     fs::write(&copy, text)?;
     Ok(copy)
+}
+
+/// A path in four seconds around where the camera stands, 0.3 m wide, looking where it looks.
+fn circle(camera: &scenes::CameraSpec) -> String {
+    let ([x, y, z], target) = (camera.eye, camera.target);
+    let keys = (0..8).map(|i| {
+        let (sin, cos) = (i as f32 * std::f32::consts::FRAC_PI_4).sin_cos();
+        let eye = [x + 0.3 * cos, y, z + 0.3 * sin];
+        format!("  {{ eye = {eye:?}, target = {target:?} }},\n")
+    });
+    format!(
+        "\n[[path]]\nname = \"move\"\nseconds = 4\nkeys = [\n{}]\n",
+        keys.collect::<String>()
+    )
 }
 
 #[cfg(test)]
@@ -91,7 +110,7 @@ mod tests {
     #[test]
     fn a_direct_copy_keeps_its_meshes() {
         let (folder, work) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-        let text = "[shading]\nmodel = \"global\"\n[[object]]\nmesh = \"a.obj\"\n";
+        let text = "[shading]\nmodel = \"global\"\n[[object]]\nmesh = \"a.obj\"\n[[path]]\nname = \"move\"\n";
         fs::write(folder.path().join("a.toml"), text).unwrap();
         let copy = with_direct_light(folder.path(), "a.toml", work.path()).unwrap();
         let text = fs::read_to_string(copy).unwrap();
@@ -101,6 +120,20 @@ mod tests {
             text.contains(&format!("mesh = \"{}\"", mesh.display())),
             "{text}"
         );
+    }
+
+    #[test]
+    fn a_direct_copy_without_a_path_gets_one() {
+        let (folder, work) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        let text = "[camera]\neye = [0, 1, 4]\ntarget = [0, 1, 0]\n[shading]\nmodel = \"global\"\n\
+                    [[object]]\nname = \"a\"\ngenerate = { kind = \"plane\", size = [2, 2] }\n";
+        fs::write(folder.path().join("a.toml"), text).unwrap();
+        let copy = with_direct_light(folder.path(), "a.toml", work.path()).unwrap();
+        let paths = scenes::load(&copy).unwrap().paths;
+        assert_eq!(paths.len(), 1);
+        assert_eq!(paths[0].name, "move");
+        let eye = paths[0].at_seconds(0.0).eye;
+        assert!((eye[0] - 0.3).abs() < 1e-3 && (eye[2] - 4.0).abs() < 1e-3);
     }
 
     #[test]
