@@ -7,6 +7,8 @@
 
 use fearless_simd::{Level, dispatch, prelude::*};
 use fearless_simd_macros::simd;
+use rayon::ThreadPool;
+use rayon::prelude::*;
 
 use super::taps::{OFFSETS, Reach, Taps, taps};
 use crate::epi::grid::Grid;
@@ -74,38 +76,102 @@ impl Interpolated {
     }
 }
 
-/// Reconstructs every pixel's primary region. Results do not depend on `level`.
-pub fn interpolate<R: Reach>(
+/// A row of [`Interpolated`].
+struct Row<'a> {
+    rgb: [&'a mut [f32]; 3],
+    weight: &'a mut [f32],
+    starved: &'a mut [u64],
+    bare: &'a mut [u64],
+}
+
+/// Reconstructs every pixel's primary region, rows shared among the threads of a pool where one is given. Results do not
+/// depend on `level` or threads.
+pub fn interpolate<R: Reach + Sync>(
     level: Level,
+    pool: Option<&ThreadPool>,
     method: Method,
     inputs: &Inputs<'_, R>,
     out: &mut Interpolated,
 ) {
     let grid = inputs.samples.grid;
-    for y in 0..grid.height {
-        for word in 0..grid.words {
-            let valid = grid.valid(word);
-            // The outer ring adds little where the inner nine are enough, and weights of the paper's kind want it all.
-            let stop_early = method == Method::LinearFit;
-            let words = grid.words;
-            let taps = taps(
-                inputs.reach,
-                inputs.has,
-                inputs.complex,
-                words,
-                (word, y),
-                stop_early,
-            );
-            out.starved[y * words + word] = taps.few & valid;
-            out.bare[y * words + word] = taps.none & valid;
-            let first = grid.at(word * 64, y);
-            match method {
-                Method::LinearFit => {
-                    dispatch!(level, simd => fit_word(simd, inputs, &taps, first, out));
-                }
-                Method::FixedWeights => {
-                    dispatch!(level, simd => fixed_word(simd, inputs.samples, &taps, first, out));
-                }
+    let elements = grid.origin..grid.origin + grid.height * grid.stride;
+    let (stride, words) = (grid.stride, grid.words);
+    let Interpolated {
+        rgb: [red, green, blue],
+        weight,
+        starved,
+        bare,
+    } = out;
+    let planes = [red, green, blue, weight].map(|plane| &mut plane[elements.clone()]);
+    let [red, green, blue, weight] = planes;
+    let fill = |(y, (((((r, g), b), weight), starved), bare))| {
+        interpolate_row(
+            level,
+            method,
+            inputs,
+            y,
+            Row {
+                rgb: [r, g, b],
+                weight,
+                starved,
+                bare,
+            },
+        );
+    };
+    match pool {
+        None => {
+            let colours = red
+                .chunks_mut(stride)
+                .zip(green.chunks_mut(stride))
+                .zip(blue.chunks_mut(stride));
+            let planes = starved.chunks_mut(words).zip(bare.chunks_mut(words));
+            let rows = colours.zip(weight.chunks_mut(stride)).zip(planes);
+            rows.map(|(colours, (starved, bare))| ((colours, starved), bare))
+                .enumerate()
+                .for_each(fill);
+        }
+        Some(pool) => pool.install(|| {
+            let colours = red
+                .par_chunks_mut(stride)
+                .zip(green.par_chunks_mut(stride))
+                .zip(blue.par_chunks_mut(stride));
+            let rows = colours
+                .zip(weight.par_chunks_mut(stride))
+                .zip(starved.par_chunks_mut(words))
+                .zip(bare.par_chunks_mut(words));
+            rows.enumerate().for_each(fill);
+        }),
+    }
+}
+
+fn interpolate_row<R: Reach>(
+    level: Level,
+    method: Method,
+    inputs: &Inputs<'_, R>,
+    y: usize,
+    mut out: Row<'_>,
+) {
+    let grid = inputs.samples.grid;
+    // The outer ring adds little where the inner nine are enough, and weights of the paper's kind want it all.
+    let stop_early = method == Method::LinearFit;
+    for word in 0..grid.words {
+        let taps = taps(
+            inputs.reach,
+            inputs.has,
+            inputs.complex,
+            grid.words,
+            (word, y),
+            stop_early,
+        );
+        out.starved[word] = taps.few & grid.valid(word);
+        out.bare[word] = taps.none & grid.valid(word);
+        let first = (grid.at(word * 64, y), word * 64);
+        match method {
+            Method::LinearFit => {
+                dispatch!(level, simd => fit_word(simd, inputs, &taps, first, &mut out));
+            }
+            Method::FixedWeights => {
+                dispatch!(level, simd => fixed_word(simd, inputs.samples, &taps, first, &mut out));
             }
         }
     }
@@ -131,8 +197,8 @@ fn fit_word<S: Simd, R: Reach>(
     simd: S,
     inputs: &Inputs<'_, R>,
     taps: &Taps,
-    first: usize,
-    out: &mut Interpolated,
+    (first, column): (usize, usize),
+    out: &mut Row<'_>,
 ) {
     let lanes = S::f32s::LEN;
     let samples = inputs.samples;
@@ -185,7 +251,8 @@ fn fit_word<S: Simd, R: Reach>(
                 s.high[k] = used.select(s.high[k].max(c), s.high[k]);
             }
         }
-        s.w.store_slice(&mut out.weight[at..at + lanes]);
+        let to = column + group..column + group + lanes;
+        s.w.store_slice(&mut out.weight[to.clone()]);
         let some = s.w.simd_gt(zero);
         let inv = splat(1.0) / some.select(s.w, splat(1.0));
         // Normal equations scaled to a weight sum of 1, solved for the value at the origin by cofactors.
@@ -200,7 +267,7 @@ fn fit_word<S: Simd, R: Reach>(
             let value = (k0 * s.c[k] + kx * s.cx[k] + ky * s.cy[k]) * scale;
             let value = value.max(s.low[k]).min(s.high[k]);
             some.select(value, zero)
-                .store_slice(&mut out.rgb[k][at..at + lanes]);
+                .store_slice(&mut out.rgb[k][to.clone()]);
         }
     }
 }
@@ -210,8 +277,8 @@ fn fixed_word<S: Simd>(
     simd: S,
     samples: &PixelSamples,
     taps: &Taps,
-    first: usize,
-    out: &mut Interpolated,
+    (first, column): (usize, usize),
+    out: &mut Row<'_>,
 ) {
     let lanes = S::f32s::LEN;
     let stride = samples.grid.stride;
@@ -237,12 +304,13 @@ fn fixed_word<S: Simd>(
                 *c += w * S::f32s::from_slice(simd, &plane[from..from + lanes]);
             }
         }
-        sum.store_slice(&mut out.weight[at..at + lanes]);
+        let to = column + group..column + group + lanes;
+        sum.store_slice(&mut out.weight[to.clone()]);
         let some = sum.simd_gt(zero);
         let inv = S::f32s::splat(simd, 1.0) / some.select(sum, S::f32s::splat(simd, 1.0));
         for (c, plane) in c.into_iter().zip(&mut out.rgb) {
             some.select(c * inv, zero)
-                .store_slice(&mut plane[at..at + lanes]);
+                .store_slice(&mut plane[to.clone()]);
         }
     }
 }

@@ -7,6 +7,7 @@ mod rebuild;
 
 use fearless_simd::Level;
 use protocol::scene::Scene;
+use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
 use crate::camera::View;
 use crate::config::{Choices, Interpolation, Method, PlaceBits, PointCulling, Priority};
@@ -35,6 +36,7 @@ pub use plan::Wanted;
 /// The display without its sockets and windows: takes samples, draws frames, says what it wants next.
 pub struct Display {
     level: Level,
+    pool: Option<ThreadPool>,
     choices: Choices,
     seed: u64,
     grid: Grid,
@@ -83,6 +85,7 @@ impl Display {
         };
         Self {
             level: Level::new(),
+            pool: None,
             choices,
             seed,
             grid,
@@ -116,6 +119,19 @@ impl Display {
             samples_new: 0,
             stage_ms: StageMs::default(),
         }
+    }
+
+    /// Lets interpolation use this many threads; one means the caller's own. Pictures are the same.
+    ///
+    /// # Errors
+    /// If the threads cannot be started.
+    pub fn use_threads(&mut self, threads: usize) -> Result<(), ThreadPoolBuildError> {
+        let name = |i| format!("display-{i}");
+        let builder = ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .thread_name(name);
+        self.pool = (threads > 1).then(|| builder.build()).transpose()?;
+        Ok(())
     }
 
     /// Says where the first frame will be drawn from, before any samples come in.
@@ -239,7 +255,13 @@ impl Display {
             centre_x: &self.epi.centre_px[0],
             centre_y: &self.epi.centre_px[1],
         };
-        interpolate(self.level, method, &inputs, &mut self.interpolated);
+        interpolate(
+            self.level,
+            self.pool.as_ref(),
+            method,
+            &inputs,
+            &mut self.interpolated,
+        );
         let near = Neighbours {
             right: &self.reach.steps.right[0],
             down: &self.reach.steps.down[0],

@@ -27,6 +27,7 @@ impl Display {
         std::mem::swap(&mut fresh.edges, &mut self.edges);
         fresh.edges.reshape(choices, fresh.grid);
         (fresh.plans, fresh.last_id) = (self.plans, self.last_id);
+        fresh.pool = self.pool.take();
         if keep_points {
             fresh.copy_points(self);
         }

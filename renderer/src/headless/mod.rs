@@ -37,6 +37,9 @@ pub enum RenderError {
     /// A file could not be written.
     #[error(transparent)]
     Output(#[from] OutputError),
+    /// The display's own threads cannot be started.
+    #[error("cannot start the display's threads: {0}; try fewer with --threads")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
     /// No samples are to be had.
     #[error(transparent)]
     Servers(#[from] ServersError),
@@ -194,6 +197,7 @@ fn sparse(
         .samples_per_frame
         .unwrap_or((pixels * DEFAULT_SHARE).round() as usize);
     let mut display = Display::new(scene, args.choices, width, height, args.seed);
+    display.use_threads(usize::from(args.threads))?;
     let tone = ToneMap::new();
     let (mut wanted, mut received, mut shown) = (Wanted::default(), Vec::new(), Vec::new());
     let mut view = View::new(&flight.camera(0));

@@ -34,6 +34,9 @@ pub enum WindowError {
     /// The window was lost while it was open.
     #[error("the window was lost: {0}")]
     Lost(String),
+    /// The display's own threads cannot be started.
+    #[error("cannot start the display's threads: {0}; try fewer with --threads")]
+    Threads(#[from] rayon::ThreadPoolBuildError),
     /// The servers cannot be used.
     #[error(transparent)]
     Servers(#[from] ServersError),
@@ -76,13 +79,14 @@ pub fn run(subject: Subject<'_>, args: &WindowArgs) -> Result<(), WindowError> {
         pixels,
         Some(waker),
     )?;
-    let session = Session::new(
+    let mut session = Session::new(
         subject.scene,
         args.choices,
         args.seed,
         servers,
         args.samples_per_frame,
     );
+    session.use_threads(usize::from(args.threads))?;
     let controller = Controller::new(
         subject.camera,
         controller::extent(subject.scene),

@@ -96,6 +96,17 @@ impl Session {
         }
     }
 
+    /// Lets the display use this many threads.
+    ///
+    /// # Errors
+    /// If they cannot be started.
+    pub(super) fn use_threads(
+        &mut self,
+        threads: usize,
+    ) -> Result<(), rayon::ThreadPoolBuildError> {
+        self.display.use_threads(threads)
+    }
+
     /// Draws the next frame and asks for what it lacks. `next` is where the camera will be in the frame after, if it
     /// moves; `reach` the distance to what it looks at, metres.
     ///
