@@ -1,5 +1,6 @@
 //! The display's program.
 
+use std::io::Write as _;
 use std::process::ExitCode;
 use std::sync::Arc;
 
@@ -85,7 +86,10 @@ fn render(loaded: LoadedScene, args: &RenderArgs) -> Result<()> {
         paths: &paths,
     };
     let summary = headless::render(subject, args, &mut servers)?;
-    println!(
+    // Whoever reads the summary may have stopped reading: that is no failure of the frames.
+    let mut told = std::io::stdout().lock();
+    let _ = writeln!(
+        told,
         "{} frames, median {:.2} ms a frame without waiting, {} samples in {:.1} s",
         summary.frames,
         summary.median_ms,
@@ -93,7 +97,7 @@ fn render(loaded: LoadedScene, args: &RenderArgs) -> Result<()> {
         summary.elapsed.as_secs_f64()
     );
     if let Some(file) = summary.last_file {
-        println!("last picture: {}", file.display());
+        let _ = writeln!(told, "last picture: {}", file.display());
     }
     Ok(())
 }

@@ -286,7 +286,13 @@ fn scene(faces: &Faces, size: usize, share: f64, random: &mut Random) -> Scene {
         centre_x: &epi.centre_px[0],
         centre_y: &epi.centre_px[1],
     };
-    interpolate(Level::new(), Method::FixedWeights, &inputs, &mut plain);
+    interpolate(
+        Level::new(),
+        None,
+        Method::FixedWeights,
+        &inputs,
+        &mut plain,
+    );
     Scene {
         crossings,
         epi,
