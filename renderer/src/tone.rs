@@ -5,7 +5,7 @@ use crate::epi::grid::Grid;
 /// Steps of the look-up table over [0, 1].
 const STEPS: usize = 4096;
 
-/// The encoding as a table, a byte for each of [`STEPS`] + 1 linear values.
+/// The encoding as a table, a byte for each of `STEPS` + 1 linear values.
 ///
 /// Linear values near 0 are encoded steeply: below 1/64 a second table with 64 times the resolution is used, so that the
 /// result is never more than one step of 255 away from the exact one.

@@ -1,6 +1,6 @@
 //! Scenes: the file format, mesh loaders and procedural generators.
 //!
-//! [`load`] turns a scene file or a mesh file into a [`LoadedScene`]: the tables that shader servers are sent
+//! [`load()`] turns a scene file or a mesh file into a [`LoadedScene`]: the tables that shader servers are sent
 //! ([`protocol::scene::Scene`]), where the camera starts, its paths, and a [`LoadReport`] of what was broken in the
 //! geometry. `README.md` beside this crate gives every key of a scene file.
 

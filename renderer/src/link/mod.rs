@@ -1,7 +1,7 @@
 //! The display's side of the sockets: one [`Link`] to any number of shader servers.
 //!
 //! The display's thread asks and drains; a thread of the link's own runs the connections. Between them stands one
-//! [`state`] behind a mutex that is never held while anything is waited for. Requests wait in a bounded queue, most
+//! `state` behind a mutex that is never held while anything is waited for. Requests wait in a bounded queue, most
 //! wanted first; each server takes its share of them as its credit allows. A server that is lost, or breaks a rule,
 //! costs nothing but time: what it held is handed to the others, and it is tried again with growing pauses.
 

@@ -1,6 +1,6 @@
 //! Watertight rays against triangles, in two levels.
 //!
-//! A [`TriangleMesh`] is an object-space tree over triangles, shared by every [`Instance`] of it; a [`World`] is a tree
+//! A [`TriangleMesh`] is an object-space tree over triangles, shared by every instance of it; a [`World`] is a tree
 //! over instances. Trees are obvhs binary trees (PLOC and reinsertion) collapsed to eight children a node; nodes,
 //! leaves, triangle test and traversal are this crate's own, because rays here aim at edges and vertices on purpose
 //! and must not slip between two faces.
