@@ -314,3 +314,167 @@ fn fixed_word<S: Simd>(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::place::hash_unit;
+
+    /// Neighbours reach each other at random, alike in both directions.
+    struct Random(Grid, u64);
+
+    impl Random {
+        fn open(&self, from: (i64, i64), to: (i64, i64)) -> bool {
+            let (w, h) = (self.0.width as i64, self.0.height as i64);
+            let inside = |p: (i64, i64)| p.0 >= 0 && p.1 >= 0 && p.0 < w && p.1 < h;
+            let key = |p: (i64, i64)| (p.1 * w + p.0) as u64;
+            inside(from) && inside(to) && {
+                let (a, b) = (key(from).min(key(to)), key(from).max(key(to)));
+                hash_unit(self.1, a * 1_000_003 + b) < 0.6
+            }
+        }
+    }
+
+    impl Reach for Random {
+        fn reachable(&self, (dx, dy): (i32, i32), word: usize, y: usize) -> u64 {
+            (0..64).fold(0, |bits, k| {
+                let from = ((word * 64 + k) as i64, y as i64);
+                let to = (from.0 + i64::from(dx), from.1 + i64::from(dy));
+                bits | u64::from(self.open(from, to)) << k
+            })
+        }
+    }
+
+    fn samples(grid: Grid, seed: u64, share: f32) -> PixelSamples {
+        let mut samples = PixelSamples::new(grid);
+        for y in 0..grid.height {
+            for x in 0..grid.width {
+                let key = (y * grid.width + x) as u64;
+                if hash_unit(seed, key) >= share {
+                    continue;
+                }
+                let at = grid.at(x, y);
+                samples.x[at] = hash_unit(seed ^ 1, key);
+                samples.y[at] = hash_unit(seed ^ 2, key);
+                samples.count[at] = 1.0 + (3.0 * hash_unit(seed ^ 3, key)).floor();
+                for (k, plane) in samples.rgb.iter_mut().enumerate() {
+                    plane[at] = hash_unit(seed ^ (4 + k as u64), key);
+                }
+                samples.has[grid.bit(x, y).0] |= 1 << grid.bit(x, y).1;
+            }
+        }
+        samples
+    }
+
+    /// One pixel's colour by its definition, in double precision; nothing if it reaches no sample.
+    fn by_definition(s: &PixelSamples, reach: &Random, (x, y): (usize, usize)) -> Option<[f64; 3]> {
+        let mut near = Vec::new();
+        for (k, &(dx, dy)) in OFFSETS.iter().enumerate() {
+            if k == super::super::taps::INNER && near.len() >= super::super::taps::ENOUGH as usize {
+                break;
+            }
+            let to = (x as i64 + i64::from(dx), y as i64 + i64::from(dy));
+            let here = (x as i64, y as i64);
+            let inside =
+                to.0 >= 0 && to.1 >= 0 && to.0 < s.grid.width as i64 && to.1 < s.grid.height as i64;
+            if inside
+                && s.has_sample(to.0 as usize, to.1 as usize)
+                && (k == 0 || reach.open(here, to))
+            {
+                let at = s.grid.at(to.0 as usize, to.1 as usize);
+                let place = [
+                    f64::from(dx) + f64::from(s.x[at]) - 0.5,
+                    f64::from(dy) + f64::from(s.y[at]) - 0.5,
+                ];
+                near.push((place, at));
+            }
+        }
+        let weights: Vec<f64> = near
+            .iter()
+            .map(|([x, y], at)| f64::from(s.count[*at]) / (0.25 + x * x + y * y).powi(3))
+            .collect();
+        let total: f64 = weights.iter().sum();
+        (!near.is_empty()).then(|| {
+            let mean = |f: &dyn Fn(usize) -> f64| {
+                (0..near.len()).map(|i| weights[i] * f(i)).sum::<f64>() / total
+            };
+            let (mx, my) = (mean(&|i| near[i].0[0]), mean(&|i| near[i].0[1]));
+            let ridge = f64::from(SLOPE_RIDGE);
+            let xx = mean(&|i| near[i].0[0].powi(2)) - mx * mx + ridge;
+            let yy = mean(&|i| near[i].0[1].powi(2)) - my * my + ridge;
+            let xy = mean(&|i| near[i].0[0] * near[i].0[1]) - mx * my;
+            [0, 1, 2].map(|k| {
+                let colour = |i: usize| f64::from(s.rgb[k][near[i].1]);
+                let mc = mean(&colour);
+                let cx = mean(&|i| near[i].0[0] * colour(i)) - mx * mc;
+                let cy = mean(&|i| near[i].0[1] * colour(i)) - my * mc;
+                let det = xx * yy - xy * xy;
+                let value = mc - mx * (yy * cx - xy * cy) / det - my * (xx * cy - xy * cx) / det;
+                let range = (0..near.len()).map(colour);
+                let low = range.clone().fold(f64::INFINITY, f64::min);
+                value.clamp(low, range.fold(f64::NEG_INFINITY, f64::max))
+            })
+        })
+    }
+
+    #[test]
+    fn every_level_and_thread_count_gives_the_fit_s_definition() {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(3)
+            .build()
+            .unwrap();
+        for (seed, (width, height), share) in [
+            (1, (70, 9), 0.02),
+            (2, (64, 5), 0.3),
+            (3, (130, 7), 1.0),
+            (4, (1, 9), 0.5),
+            (5, (3, 1), 0.0),
+        ] {
+            let grid = Grid::new(width, height);
+            let (samples, reach) = (samples(grid, seed, share), Random(grid, seed));
+            let middle = vec![0.5; grid.elements()];
+            let complex = vec![0; grid.plane_words()];
+            let inputs = Inputs {
+                samples: &samples,
+                has: &samples.has,
+                reach: &reach,
+                complex: &complex,
+                centre_x: &middle,
+                centre_y: &middle,
+            };
+            let run = |level, pool, method| {
+                let mut out = Interpolated::new(grid);
+                interpolate(level, pool, method, &inputs, &mut out);
+                out
+            };
+            let out = run(Level::new(), None, Method::LinearFit);
+            for y in 0..height {
+                for x in 0..width {
+                    let exact = by_definition(&samples, &reach, (x, y));
+                    let (word, bit) = grid.bit(x, y);
+                    assert_eq!(
+                        out.bare[word] >> bit & 1 == 1,
+                        exact.is_none(),
+                        "{seed} {x} {y}"
+                    );
+                    for (plane, exact) in out.rgb.iter().zip(exact.unwrap_or_default()) {
+                        let got = f64::from(plane[grid.at(x, y)]);
+                        assert!(
+                            (got - exact).abs() < 2e-3,
+                            "{seed} {x} {y}: {got} for {exact}"
+                        );
+                    }
+                }
+            }
+            for method in [Method::LinearFit, Method::FixedWeights] {
+                let out = run(Level::new(), None, method);
+                for other in [
+                    run(Level::baseline(), None, method),
+                    run(Level::new(), Some(&pool), method),
+                ] {
+                    assert_eq!((out.rgb.clone(), &out.starved), (other.rgb, &other.starved));
+                }
+            }
+        }
+    }
+}

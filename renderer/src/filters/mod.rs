@@ -1,7 +1,9 @@
 //! Reconstruction: colours for pixels from the samples that they can reach, in linear radiance.
 
 pub mod antialias;
+mod bare;
 pub mod complex;
+pub mod grow;
 pub mod interpolate;
 pub mod open;
 pub mod settle;

@@ -8,43 +8,18 @@
 
 use fearless_simd::Level;
 
+use super::bare::fill_bare;
+use super::grow::{MOST, Neighbours, grow};
 use super::interpolate::{Interpolated, SLOPE_RIDGE};
 use super::open;
 use crate::epi::grid::Grid;
 use crate::points::PixelSamples;
-
-/// Samples at which growing stops.
-const NEAREST: u32 = 4;
-
-/// Most steps that growing takes, pixels.
-const RADIUS: usize = 12;
-
-/// Rows of the window that growing sees: the radius on both sides of a block of two.
-const ROWS: usize = 2 * RADIUS + 2;
-
-/// Bit of a window's row that the first seed is in; there is room for the radius on both sides.
-const SEED: usize = 31;
 
 /// Fewest samples to fit a plane to; fewer are averaged.
 const FEWEST_FOR_A_PLANE: usize = 3;
 
 /// The even columns of a word.
 const EVEN: u64 = 0x5555_5555_5555_5555;
-
-/// Primary-to-primary reachability of direct neighbours, as bit planes.
-#[derive(Clone, Copy)]
-pub struct Neighbours<'a> {
-    /// To the pixel at x + 1.
-    pub right: &'a [u64],
-    /// To the pixel at y + 1.
-    pub down: &'a [u64],
-    /// Simple pixels.
-    pub simple: &'a [u64],
-    /// Complex pixels: nothing passes.
-    pub complex: &'a [u64],
-    /// Pixels whose sample may be used.
-    pub has: &'a [u64],
-}
 
 /// Scratch, kept from frame to frame.
 #[derive(Clone, Debug)]
@@ -64,7 +39,7 @@ impl Spread {
             left: vec![0; grid.plane_words()],
             edges: vec![0; grid.plane_words()],
             gathered: open::Gathered::default(),
-            found: Vec::with_capacity(ROWS * 64),
+            found: Vec::with_capacity(MOST),
         }
     }
 
@@ -208,97 +183,6 @@ impl Spread {
     }
 }
 
-/// Bits of a row of a plane, column `x` in bit [`SEED`]; 0 outside the image.
-#[inline]
-fn window_row(grid: Grid, plane: &[u64], x: usize, y: isize) -> u64 {
-    if y < 0 || y >= grid.height as isize {
-        return 0;
-    }
-    let row = &plane[y as usize * grid.words..][..grid.words];
-    // The first column of the window, one word further on so that it is never negative.
-    let first = x + 64 - SEED;
-    let (word, shift) = (first / 64, first % 64);
-    let at = |w: usize| {
-        w.checked_sub(1)
-            .and_then(|w| row.get(w))
-            .copied()
-            .unwrap_or(0)
-    };
-    if shift == 0 {
-        at(word)
-    } else {
-        at(word) >> shift | at(word + 1) << (64 - shift)
-    }
-}
-
-/// Elements of the nearest samples that can be reached from the pixels whose bits are set in the two rows of `seeds`, the
-/// first of which is at (x, y): all within the number of steps that makes them [`NEAREST`] or more.
-fn grow(
-    grid: Grid,
-    near: Neighbours<'_>,
-    (x, y): (usize, usize),
-    seeds: [u64; 2],
-    found: &mut Vec<u32>,
-) {
-    found.clear();
-    let top = y as isize - RADIUS as isize;
-    let [mut right, mut down, mut has] = [[0u64; ROWS]; 3];
-    let mut reached = [0u64; ROWS];
-    reached[RADIUS] = seeds[0] << SEED;
-    reached[RADIUS + 1] = seeds[1] << SEED;
-    let (mut first, mut last) = (RADIUS, RADIUS + 1);
-    for row in first - 1..=last {
-        right[row] = window_row(grid, near.right, x, top + row as isize);
-        down[row] = window_row(grid, near.down, x, top + row as isize);
-        has[row] = window_row(grid, near.has, x, top + row as isize);
-    }
-    let count = |reached: &[u64; ROWS], has: &[u64; ROWS], (first, last): (usize, usize)| {
-        (first..=last)
-            .map(|r| (reached[r] & has[r]).count_ones())
-            .sum::<u32>()
-    };
-    for _ in 0..RADIUS {
-        if count(&reached, &has, (first, last)) >= NEAREST {
-            break;
-        }
-        (first, last) = (first.saturating_sub(1), (last + 1).min(ROWS - 1));
-        for row in [first.saturating_sub(1), first, last] {
-            right[row] = window_row(grid, near.right, x, top + row as isize);
-            down[row] = window_row(grid, near.down, x, top + row as isize);
-            has[row] = window_row(grid, near.has, x, top + row as isize);
-        }
-        let before = reached;
-        let mut grew = 0;
-        for row in first..=last {
-            let here = before[row];
-            let above = if row > 0 {
-                before[row - 1] & down[row - 1]
-            } else {
-                0
-            };
-            let below = if row + 1 < ROWS {
-                before[row + 1] & down[row]
-            } else {
-                0
-            };
-            let sides = (here & right[row]) << 1 | here >> 1 & right[row];
-            reached[row] = here | sides | above | below;
-            grew |= reached[row] ^ here;
-        }
-        if grew == 0 {
-            break;
-        }
-    }
-    for row in first..=last {
-        let mut bits = reached[row] & has[row];
-        while bits != 0 {
-            let column = x + bits.trailing_zeros() as usize - SEED;
-            bits &= bits - 1;
-            found.push(grid.at(column, (top + row as isize) as usize) as u32);
-        }
-    }
-}
-
 /// A colour and its slopes around a place, and the range that it keeps to.
 struct Plane {
     value: [f32; 3],
@@ -374,58 +258,6 @@ fn fit(grid: Grid, samples: &PixelSamples, list: &[u32], wanted: [f32; 2]) -> Pl
         }
     }
     plane
-}
-
-/// Colours of bare pixels: the mean of the samples in the smallest block of 2, 4, 8 ... pixels squared around each that
-/// has any.
-fn fill_bare(samples: &PixelSamples, out: &mut Interpolated) {
-    let grid = samples.grid;
-    if samples.has.iter().all(|&w| w == 0) {
-        return;
-    }
-    let levels = grid
-        .width
-        .max(grid.height)
-        .next_power_of_two()
-        .trailing_zeros();
-    for y in 0..grid.height {
-        for word in 0..grid.words {
-            let mut left = out.bare[y * grid.words + word];
-            while left != 0 {
-                let x = word * 64 + left.trailing_zeros() as usize;
-                left &= left - 1;
-                let mean = (1..=levels).find_map(|level| block_mean(samples, (x, y), level));
-                for (plane, value) in out.rgb.iter_mut().zip(mean.unwrap_or_default()) {
-                    plane[grid.at(x, y)] = value;
-                }
-            }
-        }
-    }
-}
-
-/// Mean of the samples in the aligned block of 2^level pixels squared around a pixel, if there are any.
-fn block_mean(samples: &PixelSamples, (x, y): (usize, usize), level: u32) -> Option<[f32; 3]> {
-    let grid = samples.grid;
-    let side = 1usize << level;
-    let (x0, y0) = (x & !(side - 1), y & !(side - 1));
-    let (mut sum, mut count) = ([0.0; 3], 0.0);
-    for row in y0..(y0 + side).min(grid.height) {
-        for word in x0 / 64..(x0 + side).div_ceil(64).min(grid.words) {
-            let mut bits = samples.has[row * grid.words + word];
-            if side < 64 {
-                bits &= ((1u64 << side) - 1) << (x0 % 64);
-            }
-            while bits != 0 {
-                let at = grid.at(word * 64 + bits.trailing_zeros() as usize, row);
-                bits &= bits - 1;
-                for (sum, plane) in sum.iter_mut().zip(&samples.rgb) {
-                    *sum += plane[at];
-                }
-                count += 1.0;
-            }
-        }
-    }
-    (count > 0.0).then(|| sum.map(|s: f32| s / count))
 }
 
 #[cfg(test)]

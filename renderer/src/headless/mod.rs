@@ -208,7 +208,8 @@ fn sparse(
     for frame in 0..args.frames {
         let waited = Instant::now();
         received.clear();
-        if args.lockstep {
+        // Without lockstep too the first frame waits: for the servers to be there, and the scene to be with them.
+        if args.lockstep || frame == 0 {
             servers.wait_all(&mut received)?;
         } else {
             servers.drain(&mut received);
