@@ -80,14 +80,6 @@ impl PointCache {
         self.evicted
     }
 
-    /// Forgets every point.
-    pub fn clear(&mut self) {
-        self.w.fill(f32::NAN);
-        self.free.clear();
-        self.free.extend((0..self.w.len() as u32).rev());
-        self.used = 0;
-    }
-
     /// Puts a sample into `replaced` if given, else into a free slot, else into that of an old point; gives the slot, or
     /// nothing where the cache has no slots at all.
     pub fn insert(&mut self, sample: &Sample, replaced: Option<u32>) -> Option<u32> {

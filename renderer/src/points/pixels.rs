@@ -46,13 +46,6 @@ impl PixelSamples {
         }
     }
 
-    /// Forgets every sample.
-    pub fn clear(&mut self) {
-        self.has.fill(0);
-        self.depth.fill(f32::INFINITY);
-        self.point.fill(NO_POINT);
-    }
-
     /// Whether a pixel has a sample.
     #[inline]
     pub fn has_sample(&self, x: usize, y: usize) -> bool {

@@ -38,16 +38,11 @@ impl Projected {
             nearest: Vec::new(),
         }
     }
-
-    /// Whether a point falls in the image.
-    pub fn inside(&self, point: usize) -> bool {
-        self.depth[point] > 0.0
-    }
 }
 
 /// Projects all points of the cache and leaves in each pixel of `pixels` the nearest of those that fall in it; of equally
-/// near ones the one in the lower slot. `seen`
-/// says of each point whether a pixel kept it in the frame before (0 if not); afterwards it says so of this one (255 or 0).
+/// near ones the one in the lower slot. `seen` says of each point whether a pixel kept it in the frame before (0 if not);
+/// afterwards it says so of this one (255 or 0).
 /// One in [`TURNS`] of the points that were seen is doubted anew, by `turn`. Results do not depend on `level`.
 pub fn project(
     level: Level,
@@ -195,5 +190,74 @@ fn scatter(
     }
     for state in seen {
         *state = if *state == KEPT { 255 } else { 0 };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use protocol::messages::{Camera, Sample, flags};
+
+    use super::*;
+    use crate::epi::grid::Grid;
+    use crate::sampling::place::hash_unit;
+
+    #[test]
+    fn every_level_projects_as_the_plain_path_and_the_nearest_point_wins() {
+        let view = View::new(&Camera {
+            eye: [0.0, 1.0, 4.0],
+            target: [0.0, 0.5, 0.0],
+            up: [0.0, 1.0, 0.0],
+            fov_y: 50.0,
+            width: 70,
+            height: 50,
+        });
+        let mut cache = PointCache::new(4001);
+        for id in 0..3500 {
+            let random = |axis: u64| 10.0 * hash_unit(axis, id) - 5.0;
+            let miss = id % 9 == 0;
+            let p = glam::Vec3::new(random(1), random(2), random(3));
+            let position = if miss { p.normalize() } else { p }.into();
+            let flags = if miss { flags::MISS } else { 0 };
+            cache.insert(
+                &Sample {
+                    id,
+                    position,
+                    object: 0,
+                    radiance: [0.5; 3],
+                    flags,
+                },
+                None,
+            );
+        }
+        (0..50).for_each(|slot| cache.remove(slot * 7));
+        let mut plain = Projected::new(cache.capacity());
+        (0..cache.capacity()).for_each(|i| project_one(&cache, &view, i, &mut plain));
+        let grid = Grid::new(70, 50);
+        let (mut pixels, mut seen) = (PixelSamples::new(grid), vec![0; cache.capacity()]);
+        for level in [Level::new(), Level::baseline()] {
+            let mut fast = Projected::new(cache.capacity());
+            project(level, &cache, &view, &mut fast, &mut pixels, (&mut seen, 0));
+            for i in 0..cache.capacity() {
+                assert_eq!(fast.depth[i], plain.depth[i], "{i}");
+                let place = |p: &Projected| [p.x[i].to_bits(), p.y[i].to_bits()];
+                assert!(fast.depth[i] < 0.0 || place(&fast) == place(&plain), "{i}");
+            }
+        }
+        let mut kept = 0;
+        for y in 0..50 {
+            for x in 0..70 {
+                let here = |i: &usize| {
+                    plain.depth[*i] > 0.0 && (plain.x[*i] as usize, plain.y[*i] as usize) == (x, y)
+                };
+                let inside = (0..cache.capacity()).filter(here);
+                let nearest = inside.min_by(|&a, &b| plain.depth[a].total_cmp(&plain.depth[b]));
+                assert_eq!(pixels.has_sample(x, y), nearest.is_some());
+                let point = nearest.map_or(NO_POINT, |i| i as u32);
+                assert_eq!(pixels.point[grid.at(x, y)], point);
+                kept += usize::from(nearest.is_some_and(|i| seen[i] == 255));
+            }
+        }
+        assert_eq!(kept, seen.iter().filter(|&&s| s != 0).count());
+        assert!(kept > 300);
     }
 }
