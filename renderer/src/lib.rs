@@ -2,7 +2,7 @@
 //!
 //! A frame runs one way: samples are drained into [`points`], projected, [`edges`] are found and rasterised, [`epi`]
 //! classifies pixels and finds what is reachable, [`filters`] reconstruct colours, [`sampling`] says what to ask for
-//! next. None of these stages knows of sockets: [`link`] does.
+//! next; [`shadows`] finds where shadows begin and end. None of these stages knows of sockets: [`link`] does.
 
 pub mod camera;
 pub mod cli;
@@ -16,6 +16,7 @@ pub mod link;
 pub mod points;
 pub mod sampling;
 pub mod servers;
+pub mod shadows;
 pub mod show;
 pub mod stats;
 pub mod tone;

@@ -1,0 +1,4 @@
+//! Where shadows begin and end: events between lights and blockers, and the edges they draw on receivers
+//! (paper sections 6.3 to 6.5 and Appendix A).
+
+pub mod wedge;
