@@ -52,9 +52,6 @@ impl Display {
         let same = (depth - self.pixels.depth[at]).abs() <= SAME_SURFACE * depth;
         let replaced = (there != NO_POINT && same).then_some(there);
         let slot = self.cache.insert(sample, replaced);
-        if let Some(slot) = slot {
-            self.seen[slot as usize] = 255;
-        }
         if let Some(slot) = slot.filter(|_| same || depth < self.pixels.depth[at]) {
             self.pixels.point[at] = slot;
             self.pixels.depth[at] = depth;

@@ -22,7 +22,7 @@ use crate::filters::interpolate::{self, Interpolated, interpolate};
 use crate::filters::settle::settle;
 use crate::filters::spread::Spread;
 use crate::points::cull::{Ask, CullScratch, cull};
-use crate::points::project::{Projected, project};
+use crate::points::project::{Nearest, project};
 use crate::points::still::Mean;
 use crate::points::{PixelSamples, PointCache, Still};
 use crate::sampling::choose::Chooser;
@@ -45,8 +45,7 @@ pub struct Display {
     stale: bool,
     view_number: u32,
     cache: PointCache,
-    projected: Projected,
-    seen: Vec<u8>,
+    nearest: Nearest,
     pixels: PixelSamples,
     still: Still,
     edges: EdgeStage,
@@ -94,8 +93,7 @@ impl Display {
             stale: true,
             view_number: 0,
             cache: PointCache::new(capacity),
-            projected: Projected::new(capacity),
-            seen: vec![0; capacity],
+            nearest: Nearest::default(),
             pixels: PixelSamples::new(grid),
             still: Still::new(grid),
             edges: EdgeStage::new(scene, choices, grid),
@@ -184,11 +182,10 @@ impl Display {
         ms.time(Stage::Reproject, || {
             project(
                 self.level,
-                &self.cache,
+                &mut self.cache,
                 view,
-                &mut self.projected,
+                &mut self.nearest,
                 &mut self.pixels,
-                (&mut self.seen, self.plans as usize),
             );
         });
         ms.time(Stage::Depth, || self.cull_points(view));
@@ -196,27 +193,28 @@ impl Display {
     }
 
     fn cull_points(&mut self, view: &View) {
-        let (world, cache) = (self.edges.world(), &self.cache);
+        let (world, cache) = (self.edges.world(), &mut self.cache);
         let (level, pixels, scratch) = (self.level, &mut self.pixels, &mut self.culling);
         match self.choices.point_culling {
             PointCulling::None => {}
             PointCulling::Depth => cull(level, Ask::Behind, pixels, scratch, |_| false),
             PointCulling::Rays => {
-                let keep = |p| world.is_none_or(|w| edges::sees(w, view, cache, p));
-                cull(level, Ask::BehindOrDoubtful, pixels, scratch, keep);
-            }
-        }
-        if self.choices.point_culling == PointCulling::Rays {
-            for &point in self.culling.removed() {
-                self.seen[point as usize] = 0;
-                self.cache.grow_stale(point);
+                cull(level, Ask::BehindOrDoubtful, pixels, scratch, |point| {
+                    let visible = world.is_none_or(|w| edges::sees(w, view, cache, point));
+                    if visible {
+                        cache.trust(point);
+                    } else {
+                        cache.hide(point);
+                    }
+                    visible
+                });
             }
         }
         // A point is 128 old on average when a new one takes its place (Render Cache 2002).
         self.ageing += 128.0 * self.samples_new as f32 / self.cache.capacity() as f32;
         let step = self.ageing.floor().min(255.0);
         self.ageing -= step;
-        self.cache.grow_older(&self.seen, step as u8);
+        self.cache.grow_older(step as u8);
     }
 
     /// Puts the means of a still camera into their pixels, and settles primary regions and their middles.

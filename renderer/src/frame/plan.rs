@@ -58,7 +58,7 @@ impl Display {
             let (level, cache) = (self.level, &self.cache);
             let found = &mut self.uncovered;
             self.prediction
-                .find_empty(level, cache, view, &mut self.projected, limit, found);
+                .find_empty(level, cache, view, limit, found);
         }
         self.prioritize();
         self.drop_settled();

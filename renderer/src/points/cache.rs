@@ -3,8 +3,23 @@
 use glam::Vec3;
 use protocol::messages::{Sample, flags};
 
+/// Frames for which a point that was found visible, or has just come in, is taken to be so.
+const TRUSTED: u8 = 6;
+
+/// Slots that are trusted for a frame more or less than each other, so that not all are asked about at once.
+const SPREAD: u32 = 5;
+
+/// Frames for which a point that was found hidden is left out before it is asked about again.
+const LEFT_OUT: u8 = 4;
+
+/// Bit of [`PointCache::sight`]: the point was found hidden.
+const HIDDEN: u8 = 0x40;
+
+/// Bit of [`PointCache::sight`]: a pixel kept the point in the last frame.
+const SEEN: u8 = 0x80;
+
 /// Age that a point gains whenever a nearer surface is found to hide it.
-const HIDDEN_AGE: u8 = 24;
+const HIDDEN_AGE: u8 = 48;
 
 /// What the cache holds of a point besides its place and colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -31,6 +46,9 @@ pub struct PointCache {
     pub info: Vec<PointInfo>,
     /// Grows each frame from 0 (new) to 255 (the next to be evicted).
     pub age: Vec<u8>,
+    /// Whether a pixel kept the point in the last frame, whether it was found hidden, and for how many more frames that,
+    /// or that nothing hides it, is taken to hold.
+    sight: Vec<u8>,
     free: Vec<u32>,
     hand: usize,
     used: usize,
@@ -53,6 +71,7 @@ impl PointCache {
                 capacity
             ],
             age: vec![0; capacity],
+            sight: vec![0; capacity],
             free: (0..capacity as u32).rev().collect(),
             hand: 0,
             used: 0,
@@ -102,6 +121,8 @@ impl PointCache {
             flags: sample.flags,
         };
         self.age[i] = 0;
+        self.sight[i] = SEEN;
+        self.trust(slot);
         Some(slot)
     }
 
@@ -140,20 +161,62 @@ impl PointCache {
         Some(oldest as u32)
     }
 
-    /// Ages a point that was found hidden: after a few such frames it is the next to go, and is asked about no more.
-    pub fn grow_stale(&mut self, slot: u32) {
-        let age = &mut self.age[slot as usize];
-        *age = age.saturating_add(HIDDEN_AGE);
-        if *age == u8::MAX {
+    /// Forgets which points were seen; what was found out about them holds for a frame less.
+    pub fn start_frame(&mut self) {
+        for sight in &mut self.sight {
+            let frames = *sight & !(SEEN | HIDDEN);
+            *sight = match frames {
+                0 | 1 => 0,
+                _ => (*sight & HIDDEN) | (frames - 1),
+            };
+        }
+    }
+
+    /// Whether a point takes no part in the frame, because it was found hidden a short while ago.
+    #[inline]
+    pub fn is_left_out(&self, slot: usize) -> bool {
+        self.sight[slot] & HIDDEN != 0
+    }
+
+    /// Marks a point as seen; says whether it is time to ask if something hides it.
+    #[inline]
+    pub fn keep(&mut self, slot: usize) -> bool {
+        let sight = &mut self.sight[slot];
+        let doubtful = *sight == 0;
+        *sight |= SEEN;
+        doubtful
+    }
+
+    /// Whether a pixel kept the point in the last frame, and nothing was found to hide it.
+    pub fn is_seen(&self, slot: u32) -> bool {
+        self.sight[slot as usize] & SEEN != 0
+    }
+
+    /// Says that nothing hides a point now.
+    pub fn trust(&mut self, slot: u32) {
+        let sight = &mut self.sight[slot as usize];
+        *sight = (*sight & SEEN) | (TRUSTED + (slot % SPREAD) as u8);
+    }
+
+    /// Says that a point is hidden: it ages and is left out of a few frames. When found hidden a few times over it goes.
+    pub fn hide(&mut self, slot: u32) {
+        let i = slot as usize;
+        self.sight[i] = HIDDEN | LEFT_OUT;
+        self.age[i] = self.age[i].saturating_add(HIDDEN_AGE);
+        if self.age[i] == u8::MAX {
             self.remove(slot);
         }
     }
 
-    /// Ages every point by one frame's worth: those seen (255, not 0) by `step`, the others by twice as much, so that points
+    /// Ages every point by one frame's worth: those seen by `step`, the others by twice as much, so that points
     /// out of sight are the first to go (Render Cache 2002, "Age"). Ages stop at 255.
-    pub fn grow_older(&mut self, seen: &[u8], step: u8) {
-        for (age, &seen) in self.age.iter_mut().zip(seen) {
-            *age = age.saturating_add(step).saturating_add(step & !seen);
+    pub fn grow_older(&mut self, step: u8) {
+        if step == 0 {
+            return;
+        }
+        for (age, &sight) in self.age.iter_mut().zip(&self.sight) {
+            let unseen = if sight & SEEN == 0 { step } else { 0 };
+            *age = age.saturating_add(step).saturating_add(unseen);
         }
     }
 }
@@ -186,6 +249,34 @@ mod tests {
     }
 
     #[test]
+    fn points_are_trusted_for_a_while_and_hidden_ones_go() {
+        let mut cache = PointCache::new(1);
+        cache.insert(&sample(1), None).unwrap();
+        for _ in 0..2 {
+            let mut frames = 0;
+            loop {
+                cache.start_frame();
+                assert!(!cache.is_seen(0));
+                let doubtful = cache.keep(0);
+                assert!(cache.is_seen(0));
+                if doubtful {
+                    break;
+                }
+                frames += 1;
+            }
+            assert_eq!(frames, u32::from(TRUSTED) - 1);
+            cache.trust(0);
+        }
+        let mut hidden = 0;
+        while !cache.is_empty() {
+            cache.hide(0);
+            assert!(!cache.is_seen(0));
+            hidden += 1;
+        }
+        assert_eq!(hidden, 255_u32.div_ceil(u32::from(HIDDEN_AGE)));
+    }
+
+    #[test]
     fn a_removed_slot_is_used_again_and_ages_stop() {
         let mut cache = PointCache::new(2);
         let a = cache.insert(&sample(0), None).unwrap();
@@ -194,8 +285,12 @@ mod tests {
         cache.remove(a);
         assert_eq!(cache.len(), 1);
         assert_eq!(cache.insert(&sample(2), None), Some(a));
+        cache.start_frame();
+        cache.keep(0);
+        cache.grow_older(100);
+        assert_eq!(cache.age, [100, 200]);
         for _ in 0..300 {
-            cache.grow_older(&[255, 0], 100);
+            cache.grow_older(100);
         }
         assert_eq!(cache.age, [255, 255]);
         assert_eq!(PointCache::new(0).insert(&sample(0), None), None);

@@ -9,63 +9,171 @@ use crate::camera::View;
 /// Depth given to points at infinity, metres: behind all else, still finite.
 pub const FAR_DEPTH: f32 = 1e30;
 
-/// A point that stays in sight is checked once in so many frames.
-pub const TURNS: usize = 8;
+/// Points projected together, so that what one pass leaves for the next stays in the nearest memory.
+const BATCH: usize = 512;
 
-/// Marks in [`project`]'s `seen` the points kept in this frame, until all are known.
-const KEPT: u8 = 1;
+/// Bits of a pixel to which a projected point's place is kept.
+const PLACE_BITS: u32 = 8;
 
-/// Scratch of [`project`], a value a point.
-#[derive(Clone, Debug, Default)]
+/// Marks in [`Projected`] a point that is not in the image.
+const OUTSIDE: u32 = u32::MAX;
+
+/// A batch of projected points.
+#[derive(Clone, Debug)]
 pub struct Projected {
-    /// Image x, pixels.
-    pub x: Vec<f32>,
-    /// Image y, pixels.
-    pub y: Vec<f32>,
-    /// Depth along the line of sight, metres; negative where the point is not in the image.
-    pub depth: Vec<f32>,
-    nearest: Vec<u64>,
+    /// Image x, 1/256 pixel.
+    x: [u32; BATCH],
+    /// Image y, 1/256 pixel.
+    y: [u32; BATCH],
+    /// Bits of the depth along the line of sight, metres; positive floats order as their bits do.
+    depth: [u32; BATCH],
+    /// Which of them are in the image, in order.
+    inside: [u16; BATCH],
 }
 
-impl Projected {
-    /// Room for this many points.
-    pub fn new(points: usize) -> Self {
-        let plane = vec![0.0; points.next_multiple_of(16)];
+impl Default for Projected {
+    fn default() -> Self {
         Self {
-            x: plane.clone(),
-            y: plane.clone(),
-            depth: plane,
-            nearest: Vec::new(),
+            x: [0; BATCH],
+            y: [0; BATCH],
+            depth: [OUTSIDE; BATCH],
+            inside: [0; BATCH],
         }
     }
 }
 
+/// What is left in each pixel: a key of depth, point and place, by row without margin.
+#[derive(Clone, Debug, Default)]
+pub struct Nearest {
+    keys: Vec<u64>,
+    batch: Projected,
+}
+
+/// How depth, point and place share 64 bits: the nearer key is the smaller one, of equally near ones that of the lower slot.
+#[derive(Clone, Copy, Debug)]
+struct KeyLayout {
+    /// Bits of a slot's number.
+    slot: u32,
+}
+
+impl KeyLayout {
+    fn new(capacity: usize) -> Self {
+        Self {
+            slot: usize::BITS - capacity.leading_zeros(),
+        }
+    }
+
+    /// Bits of the depth that are left out, where slots need the room.
+    fn depth_cut(self) -> u32 {
+        (2 * PLACE_BITS + self.slot).saturating_sub(32)
+    }
+
+    #[inline]
+    fn pack(self, depth: u32, slot: usize, x: u32, y: u32) -> u64 {
+        let place = (y & 0xff) << PLACE_BITS | x & 0xff;
+        let depth = u64::from(depth >> self.depth_cut());
+        (depth << self.slot | slot as u64) << (2 * PLACE_BITS) | u64::from(place)
+    }
+
+    /// Depth (m), slot and place (pixels, middle of its cell).
+    #[inline]
+    fn unpack(self, key: u64) -> (f32, usize, [f32; 2]) {
+        let place = |shift: u32| ((key >> shift & 0xff) as f32 + 0.5) * (1.0 / 256.0);
+        let rest = key >> (2 * PLACE_BITS);
+        let slot = rest & ((1 << self.slot) - 1);
+        let depth = f32::from_bits(((rest >> self.slot) as u32) << self.depth_cut());
+        (depth, slot as usize, [place(0), place(PLACE_BITS)])
+    }
+}
+
 /// Projects all points of the cache and leaves in each pixel of `pixels` the nearest of those that fall in it; of equally
-/// near ones the one in the lower slot. `seen` says of each point whether a pixel kept it in the frame before (0 if not);
-/// afterwards it says so of this one (255 or 0).
-/// One in [`TURNS`] of the points that were seen is doubted anew, by `turn`. Results do not depend on `level`.
+/// near ones the one in the lower slot. Places are kept to 1/256 pixel, depths to 2⁻¹⁶ of themselves or better. Points that
+/// are kept are marked as [seen](PointCache::sight), and doubtful if it is time to ask again whether they can be.
+/// Results do not depend on `level`.
 pub fn project(
+    level: Level,
+    cache: &mut PointCache,
+    view: &View,
+    nearest: &mut Nearest,
+    pixels: &mut PixelSamples,
+) {
+    let grid = pixels.grid;
+    debug_assert!(grid.width == view.width as usize && grid.height == view.height as usize);
+    let Nearest { keys, batch } = nearest;
+    keys.clear();
+    keys.resize(grid.height * grid.stride, u64::MAX);
+    let layout = KeyLayout::new(cache.capacity());
+    cache.start_frame();
+    for_each_in_image(level, cache, view, batch, |slot, [x, y], depth| {
+        let key = layout.pack(depth, slot, x, y);
+        let cell = &mut keys[(y >> PLACE_BITS) as usize * grid.stride + (x >> PLACE_BITS) as usize];
+        *cell = key.min(*cell);
+    });
+    for row in 0..grid.height {
+        for word in 0..grid.words {
+            let first = grid.at(word * 64, row);
+            let keys = &keys[row * grid.stride + word * 64..][..64];
+            pixels.depth[first..first + 64].fill(f32::INFINITY);
+            pixels.point[first..first + 64].fill(NO_POINT);
+            let held = |(k, &key): (usize, &u64)| u64::from(key != u64::MAX) << k;
+            let bits = keys.iter().enumerate().map(held).fold(0, |a, b| a | b);
+            let (mut left, mut doubtful) = (bits, 0u64);
+            while left != 0 {
+                let k = left.trailing_zeros() as usize;
+                left &= left - 1;
+                let at = first + k;
+                let (depth, slot, place) = layout.unpack(keys[k]);
+                doubtful |= u64::from(cache.keep(slot)) << k;
+                pixels.depth[at] = depth;
+                pixels.point[at] = slot as u32;
+                [pixels.x[at], pixels.y[at]] = place;
+                pixels.count[at] = 1.0;
+                for (plane, value) in pixels.rgb.iter_mut().zip(cache.rgb[slot]) {
+                    plane[at] = value;
+                }
+            }
+            pixels.has[row * grid.words + word] = bits;
+            pixels.doubtful[row * grid.words + word] = doubtful;
+        }
+    }
+}
+
+/// Calls `visit` for all points that are in the image and were not found hidden, in the order of their slots: slot, place (1/256 pixel), bits of the
+/// depth (m).
+pub fn for_each_in_image(
     level: Level,
     cache: &PointCache,
     view: &View,
-    projected: &mut Projected,
-    pixels: &mut PixelSamples,
-    (seen, turn): (&mut [u8], usize),
+    batch: &mut Projected,
+    mut visit: impl FnMut(usize, [u32; 2], u32),
 ) {
-    project_points(level, cache, view, projected);
-    scatter(cache, view, projected, pixels, (seen, turn));
-}
-
-/// Projects all points of the cache, without asking which hides which.
-pub fn project_points(level: Level, cache: &PointCache, view: &View, projected: &mut Projected) {
-    dispatch!(level, simd => project_all(simd, cache, view, projected));
+    for first in (0..cache.capacity()).step_by(BATCH) {
+        let last = (first + BATCH).min(cache.capacity());
+        dispatch!(level, simd => project_batch(simd, cache, view, first..last, batch));
+        // Without a branch: whether a point is in the image is as good as random from slot to slot.
+        let mut inside = 0;
+        for k in 0..last - first {
+            batch.inside[inside] = k as u16;
+            let takes_part = batch.depth[k] != OUTSIDE && !cache.is_left_out(first + k);
+            inside += usize::from(takes_part);
+        }
+        for &k in &batch.inside[..inside] {
+            let k = usize::from(k);
+            visit(first + k, [batch.x[k], batch.y[k]], batch.depth[k]);
+        }
+    }
 }
 
 #[simd]
-fn project_all<S: Simd>(simd: S, cache: &PointCache, view: &View, out: &mut Projected) {
+fn project_batch<S: Simd>(
+    simd: S,
+    cache: &PointCache,
+    view: &View,
+    slots: std::ops::Range<usize>,
+    out: &mut Projected,
+) {
     let lanes = S::f32s::LEN;
-    let points = cache.capacity();
-    let whole = points - points % lanes;
+    let whole = slots.end - slots.len() % lanes;
     let splat = |v: f32| S::f32s::splat(simd, v);
     let eye = view.eye.to_array().map(splat);
     let rows = [view.right, view.up, view.forward].map(|v| v.to_array().map(splat));
@@ -76,7 +184,7 @@ fn project_all<S: Simd>(simd: S, cache: &PointCache, view: &View, out: &mut Proj
     );
     let (w_px, h_px) = (splat(view.width as f32), splat(view.height as f32));
     let zero = splat(0.0);
-    for i in (0..whole).step_by(lanes) {
+    for i in (slots.start..whole).step_by(lanes) {
         let load = |plane: &[f32]| S::f32s::from_slice(simd, &plane[i..i + lanes]);
         let w = load(&cache.w);
         let d: [S::f32s; 3] = std::array::from_fn(|a| load(&cache.position[a]) - w * eye[a]);
@@ -94,19 +202,22 @@ fn project_all<S: Simd>(simd: S, cache: &PointCache, view: &View, out: &mut Proj
             & y.simd_ge(zero)
             & y.simd_lt(h_px)
             & w.simd_ge(zero);
-        x.store_slice(&mut out.x[i..i + lanes]);
-        y.store_slice(&mut out.y[i..i + lanes]);
+        let k = i - slots.start;
+        let fixed = |v: S::f32s| S::u32s::truncate_from(inside.select(v * splat(256.0), zero));
+        fixed(x).store_slice(&mut out.x[k..k + lanes]);
+        fixed(y).store_slice(&mut out.y[k..k + lanes]);
+        let outside = S::u32s::splat(simd, OUTSIDE);
         inside
-            .select(depth, splat(-1.0))
-            .store_slice(&mut out.depth[i..i + lanes]);
+            .select(depth.bitcast::<S::u32s>(), outside)
+            .store_slice(&mut out.depth[k..k + lanes]);
     }
-    for i in whole..points {
-        project_one(cache, view, i, out);
+    for i in whole..slots.end {
+        project_one(cache, view, i, i - slots.start, out);
     }
 }
 
 /// The plain path: one point, the same operations in the same order.
-fn project_one(cache: &PointCache, view: &View, i: usize, out: &mut Projected) {
+fn project_one(cache: &PointCache, view: &View, i: usize, k: usize, out: &mut Projected) {
     let w = cache.w[i];
     let eye = view.eye.to_array();
     let d: [f32; 3] = std::array::from_fn(|a| cache.position[a][i] - w * eye[a]);
@@ -126,71 +237,9 @@ fn project_one(cache: &PointCache, view: &View, i: usize, out: &mut Projected) {
         && y >= 0.0
         && y < view.height as f32
         && w >= 0.0;
-    out.x[i] = x;
-    out.y[i] = y;
-    out.depth[i] = if inside { depth } else { -1.0 };
-}
-
-/// The nearest point of every pixel, as keys that order by depth and then by slot.
-fn scatter(
-    cache: &PointCache,
-    view: &View,
-    projected: &mut Projected,
-    pixels: &mut PixelSamples,
-    (seen, turn): (&mut [u8], usize),
-) {
-    let grid = pixels.grid;
-    debug_assert!(grid.width == view.width as usize && grid.height == view.height as usize);
-    let Projected {
-        x,
-        y,
-        depth,
-        nearest,
-    } = projected;
-    nearest.clear();
-    nearest.resize(grid.height * grid.stride, u64::MAX);
-    let planes = x.iter().zip(y.iter()).zip(depth.iter());
-    for (i, ((&x, &y), &depth)) in planes.take(cache.capacity()).enumerate() {
-        if depth > 0.0 {
-            // Positive floats order as their bits do.
-            let key = u64::from(depth.to_bits()) << 32 | i as u64;
-            let cell = &mut nearest[y as usize * grid.stride + x as usize];
-            *cell = key.min(*cell);
-        }
-    }
-    for row in 0..grid.height {
-        for word in 0..grid.words {
-            let (mut bits, mut doubtful) = (0u64, 0u64);
-            let first = grid.at(word * 64, row);
-            let keys = &nearest[row * grid.stride + word * 64..][..64];
-            for (k, &key) in keys.iter().enumerate() {
-                let at = first + k;
-                if key == u64::MAX {
-                    pixels.depth[at] = f32::INFINITY;
-                    pixels.point[at] = NO_POINT;
-                    continue;
-                }
-                let i = key as u32 as usize;
-                bits |= 1 << k;
-                let doubt = seen[i] == 0 || (i + turn).is_multiple_of(TURNS);
-                doubtful |= u64::from(doubt) << k;
-                seen[i] = KEPT;
-                pixels.depth[at] = f32::from_bits((key >> 32) as u32);
-                pixels.point[at] = i as u32;
-                pixels.x[at] = x[i] - (word * 64 + k) as f32;
-                pixels.y[at] = y[i] - row as f32;
-                pixels.count[at] = 1.0;
-                for (plane, value) in pixels.rgb.iter_mut().zip(cache.rgb[i]) {
-                    plane[at] = value;
-                }
-            }
-            pixels.has[row * grid.words + word] = bits;
-            pixels.doubtful[row * grid.words + word] = doubtful;
-        }
-    }
-    for state in seen {
-        *state = if *state == KEPT { 255 } else { 0 };
-    }
+    let fixed = |v: f32| if inside { (v * 256.0) as u32 } else { 0 };
+    (out.x[k], out.y[k]) = (fixed(x), fixed(y));
+    out.depth[k] = if inside { depth.to_bits() } else { OUTSIDE };
 }
 
 #[cfg(test)]
@@ -230,34 +279,69 @@ mod tests {
             );
         }
         (0..50).for_each(|slot| cache.remove(slot * 7));
-        let mut plain = Projected::new(cache.capacity());
-        (0..cache.capacity()).for_each(|i| project_one(&cache, &view, i, &mut plain));
-        let grid = Grid::new(70, 50);
-        let (mut pixels, mut seen) = (PixelSamples::new(grid), vec![0; cache.capacity()]);
-        for level in [Level::new(), Level::baseline()] {
-            let mut fast = Projected::new(cache.capacity());
-            project(level, &cache, &view, &mut fast, &mut pixels, (&mut seen, 0));
-            for i in 0..cache.capacity() {
-                assert_eq!(fast.depth[i], plain.depth[i], "{i}");
-                let place = |p: &Projected| [p.x[i].to_bits(), p.y[i].to_bits()];
-                assert!(fast.depth[i] < 0.0 || place(&fast) == place(&plain), "{i}");
-            }
+        let capacity = cache.capacity();
+        let mut plain = [vec![0; capacity], vec![0; capacity], vec![OUTSIDE; capacity]];
+        for i in 0..capacity {
+            let mut one = Projected::default();
+            project_one(&cache, &view, i, 0, &mut one);
+            (plain[0][i], plain[1][i], plain[2][i]) = (one.x[0], one.y[0], one.depth[0]);
         }
+        for level in [Level::new(), Level::baseline()] {
+            let mut visited = Vec::new();
+            let mut batch = Projected::default();
+            for_each_in_image(level, &cache, &view, &mut batch, |i, [x, y], depth| {
+                assert_eq!([x, y, depth], [plain[0][i], plain[1][i], plain[2][i]], "{i}");
+                visited.push(i);
+            });
+            let inside = (0..capacity).filter(|&i| plain[2][i] != OUTSIDE);
+            assert!(visited.into_iter().eq(inside));
+        }
+        let grid = Grid::new(70, 50);
+        let (mut pixels, mut nearest) = (PixelSamples::new(grid), Nearest::default());
+        project(Level::new(), &mut cache, &view, &mut nearest, &mut pixels);
         let mut kept = 0;
         for y in 0..50 {
             for x in 0..70 {
                 let here = |i: &usize| {
-                    plain.depth[*i] > 0.0 && (plain.x[*i] as usize, plain.y[*i] as usize) == (x, y)
+                    plain[2][*i] != OUTSIDE
+                        && (plain[0][*i] as usize / 256, plain[1][*i] as usize / 256) == (x, y)
                 };
-                let inside = (0..cache.capacity()).filter(here);
-                let nearest = inside.min_by(|&a, &b| plain.depth[a].total_cmp(&plain.depth[b]));
+                let inside = (0..capacity).filter(here);
+                let nearest = inside.min_by_key(|&i| plain[2][i]);
                 assert_eq!(pixels.has_sample(x, y), nearest.is_some());
-                let point = nearest.map_or(NO_POINT, |i| i as u32);
-                assert_eq!(pixels.point[grid.at(x, y)], point);
-                kept += usize::from(nearest.is_some_and(|i| seen[i] == 255));
+                let at = grid.at(x, y);
+                assert_eq!(pixels.point[at], nearest.map_or(NO_POINT, |i| i as u32));
+                if let Some(i) = nearest {
+                    let depth = f32::from_bits(plain[2][i]);
+                    assert!((pixels.depth[at] / depth - 1.0).abs() < 1e-6);
+                    let place = |axis: usize| (plain[axis][i] % 256) as f32 / 256.0;
+                    assert!((pixels.x[at] - place(0)).abs() < 0.004);
+                    assert!((pixels.y[at] - place(1)).abs() < 0.004);
+                    assert!(cache.is_seen(i as u32));
+                    kept += 1;
+                }
             }
         }
-        assert_eq!(kept, seen.iter().filter(|&&s| s != 0).count());
+        let seen = (0..capacity as u32).filter(|&i| cache.is_seen(i)).count();
+        assert_eq!(kept, seen);
         assert!(kept > 300);
+    }
+
+    #[test]
+    fn keys_order_by_depth_then_slot_and_come_back() {
+        for capacity in [1, 4000, 400_000, 20_000_000] {
+            let layout = KeyLayout::new(capacity);
+            let mut last = 0;
+            for depth in [1e-3f32, 0.5, 0.5001, 7.0, FAR_DEPTH] {
+                for slot in [0, capacity / 2, capacity - 1] {
+                    let key = layout.pack(depth.to_bits(), slot, 5 * 256 + 200, 77);
+                    assert!(key >= last && key < u64::MAX, "{depth} {slot}");
+                    last = key;
+                    let (d, s, place) = layout.unpack(key);
+                    assert!((d / depth - 1.0).abs() < 2e-5 && s == slot);
+                    assert_eq!(place, [200.5 / 256.0, 77.5 / 256.0]);
+                }
+            }
+        }
     }
 }

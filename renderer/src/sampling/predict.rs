@@ -4,7 +4,7 @@ use fearless_simd::Level;
 
 use crate::camera::View;
 use crate::points::PointCache;
-use crate::points::project::{Projected, project_points};
+use crate::points::project::{Projected, for_each_in_image};
 
 /// Side of a prediction cell, pixels.
 pub const CELL_PX: usize = 4;
@@ -13,19 +13,19 @@ pub const CELL_PX: usize = 4;
 #[derive(Clone, Debug, Default)]
 pub struct Prediction {
     occupied: Vec<bool>,
+    batch: Projected,
     columns: usize,
     rows: usize,
 }
 
 impl Prediction {
-    /// Projects all points to the predicted view (`projected` is scratch) and gives `found` the middle pixel of every cell that stays empty, at most
+    /// Projects all points to the predicted view and gives `found` the middle pixel of every cell that stays empty, at most
     /// `limit` of them, spread over the image.
     pub fn find_empty(
         &mut self,
         level: Level,
         cache: &PointCache,
         view: &View,
-        projected: &mut Projected,
         limit: usize,
         found: &mut Vec<(u16, u16)>,
     ) {
@@ -34,14 +34,15 @@ impl Prediction {
         self.rows = (view.height as usize).div_ceil(CELL_PX);
         self.occupied.clear();
         self.occupied.resize(self.columns * self.rows, false);
-        project_points(level, cache, view, projected);
-        let planes = projected.x.iter().zip(&projected.y).zip(&projected.depth);
-        for ((&x, &y), &depth) in planes {
-            if depth > 0.0 {
-                let cell = y as usize / CELL_PX * self.columns + x as usize / CELL_PX;
-                self.occupied[cell] = true;
-            }
-        }
+        let Self {
+            occupied,
+            batch,
+            columns,
+            ..
+        } = self;
+        for_each_in_image(level, cache, view, batch, |_, [x, y], _| {
+            occupied[(y >> 8) as usize / CELL_PX * *columns + (x >> 8) as usize / CELL_PX] = true;
+        });
         let empty = self.occupied.iter().filter(|&&o| !o).count();
         let every = empty.div_ceil(limit.max(1)).max(1);
         if limit == 0 {
