@@ -1,6 +1,7 @@
 //! The nearest samples that can be reached from a place step by step, never across an edge: a window of the image, 64
 //! columns in a word, in which the set of reached pixels grows.
 
+use super::diffuse::Neighbours;
 use crate::epi::grid::Grid;
 
 /// Samples at which growing stops.
@@ -17,21 +18,6 @@ const SEED: usize = 31;
 
 /// Most samples that growing can find: all pixels of its window.
 pub(super) const MOST: usize = ROWS * 64;
-
-/// Primary-to-primary reachability of direct neighbours, as bit planes.
-#[derive(Clone, Copy)]
-pub struct Neighbours<'a> {
-    /// To the pixel at x + 1.
-    pub right: &'a [u64],
-    /// To the pixel at y + 1.
-    pub down: &'a [u64],
-    /// Simple pixels.
-    pub simple: &'a [u64],
-    /// Complex pixels: nothing passes.
-    pub complex: &'a [u64],
-    /// Pixels whose sample may be used.
-    pub has: &'a [u64],
-}
 
 /// Bits of a row of a plane, column `x` in bit [`SEED`]; 0 outside the image.
 #[inline]

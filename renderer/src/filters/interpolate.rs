@@ -31,6 +31,17 @@ pub fn weight(d2: f32) -> f32 {
     1.0 / (q * q * q)
 }
 
+/// One over `q` to within 3·10⁻⁴ of itself, for positive `q`, the same at every level: a division would cost as much as the
+/// rest of a tap. Negating a float's exponent (254 is twice its bias) is right to an eighth; each step squares the error.
+#[inline(always)]
+pub(super) fn reciprocal<S: Simd>(simd: S, q: S::f32s) -> S::f32s {
+    let two = S::f32s::splat(simd, 2.0);
+    let mirrored = S::u32s::splat(simd, 254 << 23) - q.bitcast::<S::u32s>();
+    let r: S::f32s = mirrored.bitcast();
+    let r = r * (two - q * r);
+    r * (two - q * r)
+}
+
 /// Share of the weight sum added to the fit's slope terms, pixels²: keeps few or collinear samples from tilting it.
 pub const SLOPE_RIDGE: f32 = 0.01;
 
@@ -234,7 +245,8 @@ fn fit_word<S: Simd, R: Reach>(
             let x = load(&samples.x) + splat(dx as f32) - centre_x;
             let y = load(&samples.y) + splat(dy as f32) - centre_y;
             let q = splat(0.25) + x * x + y * y;
-            let w = used.select(load(&samples.count) / (q * q * q), zero);
+            let r = reciprocal(simd, q);
+            let w = used.select(load(&samples.count) * (r * r * r), zero);
             let (wx, wy) = (w * x, w * y);
             s.w += w;
             s.x += wx;

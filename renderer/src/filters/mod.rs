@@ -3,6 +3,7 @@
 pub mod antialias;
 mod bare;
 pub mod complex;
+pub mod diffuse;
 pub mod grow;
 pub mod interpolate;
 pub mod open;

@@ -6,7 +6,7 @@
 use fearless_simd::{Level, dispatch, prelude::*};
 use fearless_simd_macros::simd;
 
-use super::interpolate::{Interpolated, SLOPE_RIDGE};
+use super::interpolate::{Interpolated, SLOPE_RIDGE, reciprocal};
 use crate::epi::grid::Grid;
 use crate::points::PixelSamples;
 
@@ -212,7 +212,8 @@ fn fit_row<S: Simd>(
             let x = splat(from.x[i]) - middle;
             let y = splat(from.y[i] - down - 0.5);
             let q = splat(0.25) + x * x + y * y;
-            let w = splat(from.count[i]) / (q * q);
+            let r = reciprocal(simd, q);
+            let w = splat(from.count[i]) * (r * r);
             let (ux, uy) = (w * x, w * y);
             w0 += w;
             wx += ux;

@@ -9,7 +9,8 @@
 use fearless_simd::Level;
 
 use super::bare::fill_bare;
-use super::grow::{MOST, Neighbours, grow};
+use super::grow::{MOST, grow};
+use super::diffuse::Neighbours;
 use super::interpolate::{Interpolated, SLOPE_RIDGE};
 use super::open;
 use crate::epi::grid::Grid;
@@ -21,6 +22,15 @@ const FEWEST_FOR_A_PLANE: usize = 3;
 /// The even columns of a word.
 const EVEN: u64 = 0x5555_5555_5555_5555;
 
+/// How starved pixels near edges are served.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Care {
+    /// A plane through the nearest samples that can be reached, for each block or pixel: for a picture that stands still.
+    Planes,
+    /// The colours around flow in: a quarter of the cost, and no worse where many samples are old and about to be replaced.
+    Membrane,
+}
+
 /// Scratch, kept from frame to frame.
 #[derive(Clone, Debug)]
 pub struct Spread {
@@ -29,6 +39,7 @@ pub struct Spread {
     edges: Vec<u64>,
     gathered: open::Gathered,
     found: Vec<u32>,
+    diffusion: super::diffuse::Diffusion,
 }
 
 impl Spread {
@@ -40,13 +51,14 @@ impl Spread {
             edges: vec![0; grid.plane_words()],
             gathered: open::Gathered::default(),
             found: Vec::with_capacity(MOST),
+            diffusion: super::diffuse::Diffusion::new(grid),
         }
     }
 
     /// Fills in the colours of starved pixels. `wanted_x`, `wanted_y` are where in its pixel each colour is wanted.
     pub fn fill(
         &mut self,
-        level: Level,
+        (level, care): (Level, Care),
         samples: &PixelSamples,
         near: Neighbours<'_>,
         (wanted_x, wanted_y): (&[f32], &[f32]),
@@ -67,7 +79,18 @@ impl Spread {
         };
         open::fill(level, samples, planes, &mut left, &mut self.gathered, out);
         if left.iter().any(|&w| w != 0) {
-            self.fill_near_edges(samples, near, (wanted_x, wanted_y), &left, out);
+            match care {
+                Care::Planes => self.fill_near_edges(samples, near, (wanted_x, wanted_y), &left, out),
+                Care::Membrane => {
+                    for (left, complex) in left.iter_mut().zip(near.complex) {
+                        *left &= !complex;
+                    }
+                    self.diffusion.fill(level, near, &left, out);
+                }
+            }
+            if out.bare.iter().any(|&w| w != 0) {
+                fill_bare(samples, out);
+            }
         }
         self.left = left;
     }
@@ -81,7 +104,6 @@ impl Spread {
         out: &mut Interpolated,
     ) {
         let grid = self.grid;
-        let mut lost = false;
         for y in (0..grid.height).step_by(2) {
             for word in 0..grid.words {
                 let i = y * grid.words + word;
@@ -122,11 +144,7 @@ impl Spread {
                         self.fill_pixel(samples, near, (x, y + row), wanted, out);
                     }
                 }
-                lost |= (out.bare[i] | out.bare[below]) != 0;
             }
-        }
-        if lost {
-            fill_bare(samples, out);
         }
     }
 
@@ -298,7 +316,7 @@ mod tests {
             has: &samples.has,
         };
         let middle = vec![0.5; grid.elements()];
-        Spread::new(grid).fill(Level::new(), samples, near, (&middle, &middle), &mut out);
+        Spread::new(grid).fill((Level::new(), care), samples, near, (&middle, &middle), &mut out);
         out
     }
 

@@ -17,10 +17,10 @@ use crate::epi::reach::ReachMap;
 use crate::epi::{Epi, SamplePlaces};
 use crate::filters::antialias::{self, Antialias};
 use crate::filters::complex::{self, ComplexFilter};
-use crate::filters::grow::Neighbours;
+use crate::filters::diffuse::Neighbours;
 use crate::filters::interpolate::{self, Interpolated, interpolate};
 use crate::filters::settle::settle;
-use crate::filters::spread::Spread;
+use crate::filters::spread::{Care, Spread};
 use crate::points::cull::{Ask, CullScratch, cull};
 use crate::points::project::{Nearest, project};
 use crate::points::still::Mean;
@@ -43,6 +43,8 @@ pub struct Display {
     grid: Grid,
     view: Option<View>,
     stale: bool,
+    /// The frame's view is not that of the one before.
+    moving: bool,
     view_number: u32,
     cache: PointCache,
     nearest: Nearest,
@@ -91,6 +93,7 @@ impl Display {
             grid,
             view: None,
             stale: true,
+            moving: false,
             view_number: 0,
             cache: PointCache::new(capacity),
             nearest: Nearest::default(),
@@ -142,9 +145,10 @@ impl Display {
     /// Draws the frame for this view from what the cache holds. `view_number` is the number under which the servers know
     /// the view: samples asked for under it may be averaged while it lasts.
     pub fn draw(&mut self, view: &View, view_number: u32) {
-        let moved = self.view != Some(*view) || self.stale;
+        self.moving = self.view != Some(*view);
+        let moved = self.moving || self.stale;
         self.view_number = view_number;
-        if self.view != Some(*view) {
+        if self.moving {
             self.view = Some(*view);
             self.still.clear();
         }
@@ -269,8 +273,9 @@ impl Display {
             has: &self.epi.has_sample,
         };
         let wanted = (&self.epi.centre_px[0][..], &self.epi.centre_px[1][..]);
+        let care = if self.moving { Care::Membrane } else { Care::Planes };
         self.spread.fill(
-            self.level,
+            (self.level, care),
             &self.pixels,
             near,
             wanted,
