@@ -2,17 +2,18 @@
 
 use crate::epi::grid::Grid;
 
-/// Steps of the look-up table over [0, 1].
-const STEPS: usize = 4096;
+/// Below 2 to this power a value encodes to less than one step of 255, and is taken for 2 to this power.
+const LEAST_EXPONENT: i32 = -12;
 
-/// The encoding as a table, a byte for each of `STEPS` + 1 linear values.
-///
-/// Linear values near 0 are encoded steeply: below 1/64 a second table with 64 times the resolution is used, so that the
-/// result is never more than one step of 255 away from the exact one.
+/// Bits of a float's mantissa that the table tells apart.
+const MANTISSA_BITS: u32 = 8;
+
+/// The encoding as a table, a byte for each exponent and leading bits of the mantissa: as fine in the dark, where encoding is
+/// steep, as in the light. The result is never more than one step of 255 away from the exact one.
 #[derive(Clone, Debug)]
 pub struct ToneMap {
-    coarse: Vec<u8>,
-    fine: Vec<u8>,
+    table: Vec<u8>,
+    least: f32,
 }
 
 /// sRGB encoding of a linear value in [0, 1].
@@ -31,28 +32,26 @@ impl Default for ToneMap {
 }
 
 impl ToneMap {
-    /// Computes the tables.
+    /// Computes the table.
     pub fn new() -> Self {
-        let table = |top: f32| {
-            (0..=STEPS)
-                .map(|i| (srgb(top * i as f32 / STEPS as f32) * 255.0).round() as u8)
-                .collect()
+        let least = 2f32.powi(LEAST_EXPONENT);
+        let entries = (-LEAST_EXPONENT as u32) << MANTISSA_BITS;
+        let value = |i: u32| {
+            let from = least.to_bits() + (i << (23 - MANTISSA_BITS));
+            let middle = f32::from_bits(from + (1 << (22 - MANTISSA_BITS)));
+            (srgb(middle.min(1.0)) * 255.0).round() as u8
         };
         Self {
-            coarse: table(1.0),
-            fine: table(1.0 / 64.0),
+            table: std::iter::once(0).chain((1..=entries).map(value)).collect(),
+            least,
         }
     }
 
     /// Encodes one value; NaN becomes 0.
     #[inline]
     pub fn encode(&self, linear: f32) -> u8 {
-        let v = if linear > 0.0 { linear.min(1.0) } else { 0.0 };
-        if v < 1.0 / 64.0 {
-            self.fine[(v * (64 * STEPS) as f32 + 0.5) as usize]
-        } else {
-            self.coarse[(v * STEPS as f32 + 0.5) as usize]
-        }
+        let bits = linear.max(self.least).min(1.0).to_bits() - self.least.to_bits();
+        self.table[(bits >> (23 - MANTISSA_BITS)) as usize]
     }
 
     /// Encodes an image (planes by [`Grid`]) as 0x00RRGGBB, row by row without padding.

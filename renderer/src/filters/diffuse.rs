@@ -77,7 +77,10 @@ impl Diffusion {
                 } else {
                     grid.height - 1 - k
                 };
-                if starved[y * grid.words..][..grid.words].iter().any(|&w| w != 0) {
+                if starved[y * grid.words..][..grid.words]
+                    .iter()
+                    .any(|&w| w != 0)
+                {
                     dispatch!(level, simd => self.relax_row(simd, near, starved, y, out));
                 }
             }
@@ -155,7 +158,8 @@ impl Diffusion {
                     continue;
                 }
                 let at = grid.at(word * 64 + group, y);
-                let load = |plane: &[f32], at: usize| S::f32s::from_slice(simd, &plane[at..at + lanes]);
+                let load =
+                    |plane: &[f32], at: usize| S::f32s::from_slice(simd, &plane[at..at + lanes]);
                 let mut weight = load(&out.weight, at);
                 let mut sum: [S::f32s; 3] = std::array::from_fn(|k| load(&self.own[k], at));
                 for (mask, step) in ways {
@@ -171,11 +175,13 @@ impl Diffusion {
                     }
                 }
                 let some = weight.simd_gt(zero);
-                let inverse = S::f32s::splat(simd, 1.0) / some.select(weight, S::f32s::splat(simd, 1.0));
+                let inverse =
+                    S::f32s::splat(simd, 1.0) / some.select(weight, S::f32s::splat(simd, 1.0));
                 let mine = S::mask32s::from_bitmask(simd, mine);
                 let to = word * 64 + group..word * 64 + group + lanes;
                 for ((sum, rgb), row) in sum.iter().zip(&out.rgb).zip(&mut self.row) {
-                    mine.select(*sum * inverse, load(rgb, at)).store_slice(&mut row[to.clone()]);
+                    mine.select(*sum * inverse, load(rgb, at))
+                        .store_slice(&mut row[to.clone()]);
                 }
             }
         }
@@ -195,12 +201,29 @@ impl Diffusion {
         let mut carry = 0;
         for word in 0..words {
             let was = self.known[i + word];
-            let next = if word + 1 < words { self.known[i + word + 1] } else { 0 };
-            let before = if word > 0 { near.right[i + word - 1] >> 63 } else { 0 };
+            let next = if word + 1 < words {
+                self.known[i + word + 1]
+            } else {
+                0
+            };
+            let before = if word > 0 {
+                near.right[i + word - 1] >> 63
+            } else {
+                0
+            };
             let joined_left = near.right[i + word] << 1 | before;
-            let sides = (joined_left & (was << 1 | carry)) | (near.right[i + word] & (was >> 1 | next << 63));
-            let above = if y > 0 { near.down[i - words + word] & self.known[i - words + word] } else { 0 };
-            let below = if y + 1 < grid.height { near.down[i + word] & self.known[i + words + word] } else { 0 };
+            let sides = (joined_left & (was << 1 | carry))
+                | (near.right[i + word] & (was >> 1 | next << 63));
+            let above = if y > 0 {
+                near.down[i - words + word] & self.known[i - words + word]
+            } else {
+                0
+            };
+            let below = if y + 1 < grid.height {
+                near.down[i + word] & self.known[i + words + word]
+            } else {
+                0
+            };
             self.known[i + word] = was | (starved[i + word] & (sides | above | below));
             carry = was >> 63;
         }

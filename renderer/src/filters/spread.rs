@@ -9,8 +9,8 @@
 use fearless_simd::Level;
 
 use super::bare::fill_bare;
-use super::grow::{MOST, grow};
 use super::diffuse::Neighbours;
+use super::grow::{MOST, grow};
 use super::interpolate::{Interpolated, SLOPE_RIDGE};
 use super::open;
 use crate::epi::grid::Grid;
@@ -80,7 +80,9 @@ impl Spread {
         open::fill(level, samples, planes, &mut left, &mut self.gathered, out);
         if left.iter().any(|&w| w != 0) {
             match care {
-                Care::Planes => self.fill_near_edges(samples, near, (wanted_x, wanted_y), &left, out),
+                Care::Planes => {
+                    self.fill_near_edges(samples, near, (wanted_x, wanted_y), &left, out)
+                }
                 Care::Membrane => {
                     for (left, complex) in left.iter_mut().zip(near.complex) {
                         *left &= !complex;
@@ -316,7 +318,13 @@ mod tests {
             has: &samples.has,
         };
         let middle = vec![0.5; grid.elements()];
-        Spread::new(grid).fill((Level::new(), care), samples, near, (&middle, &middle), &mut out);
+        Spread::new(grid).fill(
+            (Level::new(), Care::Planes),
+            samples,
+            near,
+            (&middle, &middle),
+            &mut out,
+        );
         out
     }
 

@@ -16,7 +16,9 @@ use crate::edges::world::world_of;
 use crate::epi::Epi;
 use crate::epi::classify::classify;
 use crate::epi::grid::Grid;
-use crate::points::{PixelSamples, PointCache};
+use crate::points::PixelSamples;
+use crate::points::cull::Suspect;
+use crate::points::project::FAR_DEPTH;
 use crate::stats::{Stage, StageMs};
 
 /// Everything about edges that lasts from frame to frame.
@@ -124,18 +126,22 @@ fn copy_depth(pixels: &PixelSamples, depth: &mut DepthBuffer) {
 /// How much nearer than a point something must be to hide it, as a share of the distance.
 const HIDES: f32 = 1e-3;
 
-/// Whether nothing hides a cached point from the eye.
-pub(super) fn sees(world: &World, view: &View, cache: &PointCache, point: u32) -> bool {
-    let w = cache.w[point as usize];
-    let direction = cache.point(point) - view.eye * w;
-    let limit = if w > 0.0 { 1.0 - HIDES } else { f32::INFINITY };
-    world
-        .occluder(
-            &Ray {
-                origin: view.eye,
-                direction,
-            },
-            limit,
-        )
-        .is_none()
+/// Points at infinity are at least this deep, metres; nothing else is.
+const INFINITELY_FAR: f32 = FAR_DEPTH * 1e-6;
+
+/// Whether nothing hides a point from the eye. The pixel knows where it is: looking it up in the cache would cost more
+/// than half of the ray.
+pub(super) fn sees(world: &World, view: &View, point: &Suspect) -> bool {
+    let [x, y] = point.image_px;
+    let direction = view.direction(x, y);
+    let ray = Ray {
+        origin: view.eye,
+        direction,
+    };
+    let limit = if point.depth < INFINITELY_FAR {
+        point.depth * (1.0 - HIDES)
+    } else {
+        f32::INFINITY
+    };
+    world.occluder(&ray, limit).is_none()
 }

@@ -203,12 +203,12 @@ impl Display {
             PointCulling::None => {}
             PointCulling::Depth => cull(level, Ask::Behind, pixels, scratch, |_| false),
             PointCulling::Rays => {
-                cull(level, Ask::BehindOrDoubtful, pixels, scratch, |point| {
-                    let visible = world.is_none_or(|w| edges::sees(w, view, cache, point));
+                cull(level, Ask::BehindOrDoubtful, pixels, scratch, |suspect| {
+                    let visible = world.is_none_or(|w| edges::sees(w, view, &suspect));
                     if visible {
-                        cache.trust(point);
+                        cache.trust(suspect.point);
                     } else {
-                        cache.hide(point);
+                        cache.hide(suspect.point);
                     }
                     visible
                 });
@@ -273,7 +273,11 @@ impl Display {
             has: &self.epi.has_sample,
         };
         let wanted = (&self.epi.centre_px[0][..], &self.epi.centre_px[1][..]);
-        let care = if self.moving { Care::Membrane } else { Care::Planes };
+        let care = if self.moving {
+            Care::Membrane
+        } else {
+            Care::Planes
+        };
         self.spread.fill(
             (self.level, care),
             &self.pixels,

@@ -57,8 +57,7 @@ impl Display {
             let limit = budget / AHEAD_SHARE;
             let (level, cache) = (self.level, &self.cache);
             let found = &mut self.uncovered;
-            self.prediction
-                .find_empty(level, cache, view, limit, found);
+            self.prediction.find_empty(level, cache, view, limit, found);
         }
         self.prioritize();
         self.drop_settled();

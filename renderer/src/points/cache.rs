@@ -9,17 +9,11 @@ const TRUSTED: u8 = 6;
 /// Slots that are trusted for a frame more or less than each other, so that not all are asked about at once.
 const SPREAD: u32 = 5;
 
-/// Frames for which a point that was found hidden is left out before it is asked about again.
-const LEFT_OUT: u8 = 4;
-
-/// Bit of [`PointCache::sight`]: the point was found hidden.
-const HIDDEN: u8 = 0x40;
-
 /// Bit of [`PointCache::sight`]: a pixel kept the point in the last frame.
 const SEEN: u8 = 0x80;
 
 /// Age that a point gains whenever a nearer surface is found to hide it.
-const HIDDEN_AGE: u8 = 48;
+const HIDDEN_AGE: u8 = 24;
 
 /// What the cache holds of a point besides its place and colour.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,8 +40,7 @@ pub struct PointCache {
     pub info: Vec<PointInfo>,
     /// Grows each frame from 0 (new) to 255 (the next to be evicted).
     pub age: Vec<u8>,
-    /// Whether a pixel kept the point in the last frame, whether it was found hidden, and for how many more frames that,
-    /// or that nothing hides it, is taken to hold.
+    /// Whether a pixel kept the point in the last frame, and for how many more frames in sight nothing is taken to hide it.
     sight: Vec<u8>,
     free: Vec<u32>,
     hand: usize,
@@ -161,21 +154,16 @@ impl PointCache {
         Some(oldest as u32)
     }
 
-    /// Forgets which points were seen; what was found out about them holds for a frame less.
+    /// Forgets which points were seen. Those that were are trusted for a frame less, the others no more: what hides a point
+    /// may have come between.
     pub fn start_frame(&mut self) {
         for sight in &mut self.sight {
-            let frames = *sight & !(SEEN | HIDDEN);
-            *sight = match frames {
-                0 | 1 => 0,
-                _ => (*sight & HIDDEN) | (frames - 1),
+            *sight = if *sight & SEEN == 0 {
+                0
+            } else {
+                (*sight & !SEEN).saturating_sub(1)
             };
         }
-    }
-
-    /// Whether a point takes no part in the frame, because it was found hidden a short while ago.
-    #[inline]
-    pub fn is_left_out(&self, slot: usize) -> bool {
-        self.sight[slot] & HIDDEN != 0
     }
 
     /// Marks a point as seen; says whether it is time to ask if something hides it.
@@ -198,10 +186,10 @@ impl PointCache {
         *sight = (*sight & SEEN) | (TRUSTED + (slot % SPREAD) as u8);
     }
 
-    /// Says that a point is hidden: it ages and is left out of a few frames. When found hidden a few times over it goes.
+    /// Says that a point is hidden: it is not seen, and ages. When found hidden a few times over it goes.
     pub fn hide(&mut self, slot: u32) {
         let i = slot as usize;
-        self.sight[i] = HIDDEN | LEFT_OUT;
+        self.sight[i] = 0;
         self.age[i] = self.age[i].saturating_add(HIDDEN_AGE);
         if self.age[i] == u8::MAX {
             self.remove(slot);

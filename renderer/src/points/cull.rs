@@ -15,7 +15,17 @@ pub struct CullScratch {
     /// One over depth, 0 where no point is.
     inverse: Vec<f32>,
     suspects: Vec<u64>,
-    removed: Vec<u32>,
+}
+
+/// A point that [`cull`] asks about.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Suspect {
+    /// Its slot in the cache.
+    pub point: u32,
+    /// Where it is in the image, pixels.
+    pub image_px: [f32; 2],
+    /// Depth along the line of sight, metres.
+    pub depth: f32,
 }
 
 impl CullScratch {
@@ -24,15 +34,7 @@ impl CullScratch {
         Self {
             inverse: vec![0.0; grid.elements()],
             suspects: vec![0; grid.plane_words()],
-            removed: Vec::with_capacity(grid.width * grid.height),
         }
-    }
-}
-
-impl CullScratch {
-    /// Points that the last call of [`cull`] took away.
-    pub fn removed(&self) -> &[u32] {
-        &self.removed
     }
 }
 
@@ -53,11 +55,10 @@ pub fn cull(
     ask: Ask,
     pixels: &mut PixelSamples,
     scratch: &mut CullScratch,
-    mut keep: impl FnMut(u32) -> bool,
+    mut keep: impl FnMut(Suspect) -> bool,
 ) {
     let grid = pixels.grid;
     dispatch!(level, simd => find_suspects(simd, pixels, scratch));
-    scratch.removed.clear();
     for y in 0..grid.height {
         for word in 0..grid.words {
             let i = y * grid.words + word;
@@ -68,10 +69,14 @@ pub fn cull(
             while left != 0 {
                 let x = word * 64 + left.trailing_zeros() as usize;
                 left &= left - 1;
-                let point = pixels.point[grid.at(x, y)];
-                if !keep(point) {
+                let at = grid.at(x, y);
+                let suspect = Suspect {
+                    point: pixels.point[at],
+                    image_px: [x as f32 + pixels.x[at], y as f32 + pixels.y[at]],
+                    depth: pixels.depth[at],
+                };
+                if !keep(suspect) {
                     pixels.remove(x, y);
-                    scratch.removed.push(point);
                 }
             }
         }
@@ -137,13 +142,10 @@ mod tests {
         let mut asked = Vec::new();
         let mut scratch = CullScratch::new(grid);
         cull(Level::new(), Ask::Behind, &mut pixels, &mut scratch, |p| {
-            asked.push(p);
+            asked.push((p.point, p.image_px, p.depth));
             false
         });
-        assert_eq!(
-            (scratch.removed(), &asked[..]),
-            (&[2 * 80 + 70][..], &[2 * 80 + 70][..])
-        );
+        assert_eq!(asked, [(2 * 80 + 70, [70.5, 2.5], pixels.depth[hole])]);
         assert!(!pixels.has_sample(70, 2) && pixels.has_sample(69, 2));
     }
 }

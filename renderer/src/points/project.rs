@@ -138,7 +138,7 @@ pub fn project(
     }
 }
 
-/// Calls `visit` for all points that are in the image and were not found hidden, in the order of their slots: slot, place (1/256 pixel), bits of the
+/// Calls `visit` for all points that are in the image, in the order of their slots: slot, place (1/256 pixel), bits of the
 /// depth (m).
 pub fn for_each_in_image(
     level: Level,
@@ -154,8 +154,7 @@ pub fn for_each_in_image(
         let mut inside = 0;
         for k in 0..last - first {
             batch.inside[inside] = k as u16;
-            let takes_part = batch.depth[k] != OUTSIDE && !cache.is_left_out(first + k);
-            inside += usize::from(takes_part);
+            inside += usize::from(batch.depth[k] != OUTSIDE);
         }
         for &k in &batch.inside[..inside] {
             let k = usize::from(k);
@@ -280,7 +279,11 @@ mod tests {
         }
         (0..50).for_each(|slot| cache.remove(slot * 7));
         let capacity = cache.capacity();
-        let mut plain = [vec![0; capacity], vec![0; capacity], vec![OUTSIDE; capacity]];
+        let mut plain = [
+            vec![0; capacity],
+            vec![0; capacity],
+            vec![OUTSIDE; capacity],
+        ];
         for i in 0..capacity {
             let mut one = Projected::default();
             project_one(&cache, &view, i, 0, &mut one);
@@ -290,7 +293,11 @@ mod tests {
             let mut visited = Vec::new();
             let mut batch = Projected::default();
             for_each_in_image(level, &cache, &view, &mut batch, |i, [x, y], depth| {
-                assert_eq!([x, y, depth], [plain[0][i], plain[1][i], plain[2][i]], "{i}");
+                assert_eq!(
+                    [x, y, depth],
+                    [plain[0][i], plain[1][i], plain[2][i]],
+                    "{i}"
+                );
                 visited.push(i);
             });
             let inside = (0..capacity).filter(|&i| plain[2][i] != OUTSIDE);
