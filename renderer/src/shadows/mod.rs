@@ -1,4 +1,6 @@
 //! Where shadows begin and end: events between lights and blockers, and the edges they draw on receivers
 //! (paper sections 6.3 to 6.5 and Appendix A).
 
+pub mod events;
+pub mod light;
 pub mod wedge;
