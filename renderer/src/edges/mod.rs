@@ -26,6 +26,6 @@ mod finder_tests;
 #[cfg(test)]
 mod raster_tests;
 #[cfg(test)]
-mod test_meshes;
+pub(crate) mod test_meshes;
 #[cfg(test)]
 mod tests;

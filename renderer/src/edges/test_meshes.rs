@@ -3,7 +3,7 @@
 use glam::Vec3;
 use protocol::scene::Mesh;
 
-pub(super) fn mesh(positions: Vec<[f32; 3]>, faces: Vec<[u32; 3]>) -> Mesh {
+pub(crate) fn mesh(positions: Vec<[f32; 3]>, faces: Vec<[u32; 3]>) -> Mesh {
     Mesh {
         positions,
         faces,
@@ -12,7 +12,7 @@ pub(super) fn mesh(positions: Vec<[f32; 3]>, faces: Vec<[u32; 3]>) -> Mesh {
 }
 
 /// A torus around the y axis of `n` by `m` quads, each two triangles; every vertex has its own index in every row.
-pub(super) fn torus(n: u32, m: u32, major: f32, minor: f32) -> Mesh {
+pub(crate) fn torus(n: u32, m: u32, major: f32, minor: f32) -> Mesh {
     let mut positions = Vec::new();
     for i in 0..n {
         for j in 0..m {
@@ -37,7 +37,7 @@ pub(super) fn torus(n: u32, m: u32, major: f32, minor: f32) -> Mesh {
 }
 
 /// A box with corners at -1 and 1, whose faces do not share vertex indices.
-pub(super) fn cube() -> Mesh {
+pub(crate) fn cube() -> Mesh {
     let (mut positions, mut faces) = (Vec::new(), Vec::new());
     for axis in 0..3 {
         for side in [-1.0_f32, 1.0] {
@@ -57,7 +57,7 @@ pub(super) fn cube() -> Mesh {
 }
 
 /// A subdivided icosahedron pushed in and out by a wave: closed and concave.
-pub(super) fn bumpy_sphere(levels: u32, amplitude: f32) -> Mesh {
+pub(crate) fn bumpy_sphere(levels: u32, amplitude: f32) -> Mesh {
     let t = (1.0 + 5.0_f32.sqrt()) / 2.0;
     let mut points: Vec<Vec3> = Vec::new();
     for (a, b) in [(1.0, t), (-1.0, t), (1.0, -t), (-1.0, -t)] {
@@ -106,7 +106,7 @@ pub(super) fn bumpy_sphere(levels: u32, amplitude: f32) -> Mesh {
 }
 
 /// Two tetrahedra that share a vertex only.
-pub(super) fn bow_tie() -> Mesh {
+pub(crate) fn bow_tie() -> Mesh {
     let p = [
         [0.0, 0.0, 0.0],
         [1.0, 0.0, 0.2],
@@ -130,7 +130,7 @@ pub(super) fn bow_tie() -> Mesh {
 }
 
 /// Three sheets that meet in an edge.
-pub(super) fn fin() -> Mesh {
+pub(crate) fn fin() -> Mesh {
     mesh(
         vec![
             [0.0, 0.0, 0.0],
@@ -144,7 +144,7 @@ pub(super) fn fin() -> Mesh {
 }
 
 /// A square of two triangles.
-pub(super) fn quad() -> Mesh {
+pub(crate) fn quad() -> Mesh {
     mesh(
         vec![
             [-1.0, -1.0, 0.0],
@@ -157,7 +157,7 @@ pub(super) fn quad() -> Mesh {
 }
 
 /// A band with half a twist: one-sided.
-pub(super) fn moebius(n: u32) -> Mesh {
+pub(crate) fn moebius(n: u32) -> Mesh {
     let mut positions = Vec::new();
     for i in 0..n {
         let a = i as f32 / n as f32 * std::f32::consts::TAU;
@@ -180,7 +180,7 @@ pub(super) fn moebius(n: u32) -> Mesh {
 }
 
 /// Faces without area, a face that lists a vertex twice, one with a bad index and one with a bad coordinate.
-pub(super) fn broken() -> Mesh {
+pub(crate) fn broken() -> Mesh {
     let mut m = quad();
     m.positions
         .extend([[0.5, 0.5, 0.0], [f32::NAN, 0.0, 0.0], [-1.0, -1.0, -0.0]]);
@@ -190,14 +190,14 @@ pub(super) fn broken() -> Mesh {
 }
 
 /// Two squares in the same place, one wound the other way.
-pub(super) fn doubled() -> Mesh {
+pub(crate) fn doubled() -> Mesh {
     let mut m = quad();
     m.faces.extend([[2, 1, 0], [0, 3, 2]]);
     m
 }
 
 /// A cube of which one face is wound the other way.
-pub(super) fn flipped() -> Mesh {
+pub(crate) fn flipped() -> Mesh {
     let mut m = cube();
     m.faces[0].swap(0, 1);
     m.faces[1].swap(0, 1);
@@ -205,7 +205,7 @@ pub(super) fn flipped() -> Mesh {
 }
 
 /// Two squares side by side, one of which has a vertex in the middle of their common side.
-pub(super) fn t_junction() -> Mesh {
+pub(crate) fn t_junction() -> Mesh {
     mesh(
         vec![
             [-1.0, -1.0, 0.0],
@@ -221,7 +221,7 @@ pub(super) fn t_junction() -> Mesh {
 }
 
 /// A thin cylinder with zig-zag rows: a view along it has many silhouettes.
-pub(super) fn zigzag(rows: u32) -> Mesh {
+pub(crate) fn zigzag(rows: u32) -> Mesh {
     let mut positions = Vec::new();
     for i in 0..rows {
         let r = if i % 2 == 0 { 0.2 } else { 0.21 };
@@ -241,7 +241,7 @@ pub(super) fn zigzag(rows: u32) -> Mesh {
 }
 
 /// All of the above that enclose a volume.
-pub(super) fn closed() -> Vec<(&'static str, Mesh)> {
+pub(crate) fn closed() -> Vec<(&'static str, Mesh)> {
     vec![
         ("torus", torus(48, 24, 1.0, 0.35)),
         ("cube", cube()),
@@ -252,7 +252,7 @@ pub(super) fn closed() -> Vec<(&'static str, Mesh)> {
 }
 
 /// All of the above that do not.
-pub(super) fn open() -> Vec<(&'static str, Mesh)> {
+pub(crate) fn open() -> Vec<(&'static str, Mesh)> {
     vec![
         ("fin", fin()),
         ("quad", quad()),
@@ -265,7 +265,7 @@ pub(super) fn open() -> Vec<(&'static str, Mesh)> {
 }
 
 /// A mesh scaled and then moved.
-pub(super) fn placed(mesh: &Mesh, scale: f32, offset: f32) -> Mesh {
+pub(crate) fn placed(mesh: &Mesh, scale: f32, offset: f32) -> Mesh {
     let positions = mesh
         .positions
         .iter()
