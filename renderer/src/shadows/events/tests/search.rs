@@ -82,7 +82,7 @@ fn compare(name: &str, fixture: &Fixture, light: &ShadowLight) -> usize {
 }
 
 proptest! {
-    #![proptest_config(config(24))]
+    #![proptest_config(config(6))]
 
     #[test]
     fn the_tree_finds_what_trying_everything_finds(seed in any::<u64>(), pick in 0.0..1.0_f64) {
@@ -171,8 +171,8 @@ proptest! {
             let light = polygon(4, vector(&mut next) * 4.0, 0.5, turn(&mut next));
             let options = EventOptions::default();
             let local = fixture.find(&light.transformed(&mirror.inverse()), options);
-            let mut names: Vec<_> = local.iter().map(|e| named(&fixture, e, Some(&mirror))).collect();
-            let mut expected: Vec<_> = world.find(&light, options).iter().map(|e| named(&world, e, None)).collect();
+            let mut names: Vec<_> = local.iter().map(named).collect();
+            let mut expected: Vec<_> = world.find(&light, options).iter().map(named).collect();
             names.sort_unstable();
             expected.sort_unstable();
             prop_assert_eq!(names, expected, "{}", name);
@@ -180,13 +180,12 @@ proptest! {
     }
 }
 
-/// Kind, corners and welded vertices of an event, both in order. Vertices keep their numbers under a reflection.
-fn named(fixture: &Fixture, e: &Event, _by: Option<&DAffine3>) -> (EventKind, [u32; 2], [u32; 2]) {
+/// Kind, light vertices and blocker vertices of an event, whichever way it runs.
+fn named(e: &Event) -> (EventKind, [u32; 2], [u32; 2]) {
     let sorted = |mut pair: [u32; 2]| {
         pair.sort_unstable();
         pair
     };
-    assert!((e.vertices[1] as usize) < fixture.adjacency.positions.len());
     (e.kind, sorted(e.corners), sorted(e.vertices))
 }
 
