@@ -40,6 +40,9 @@
 //!   ([`EventOptions`]), as creases are in [`FindOptions`].
 //! - A linear light has one edge and no inside: its EV events may have the blocker on either side.
 //!
+//! - A vertex with more than 48 edges has its umbral EV events tried at finitely many places of the light's edge, not at every
+//!   place where they can begin or end.
+//!
 //! EEE events, for which lines touch three edges, are left out, as in the paper.
 
 mod cover;

@@ -71,6 +71,18 @@ pub(super) fn prism((points, faces): Outline, height: f32) -> Mesh {
     test_meshes::mesh(positions, all)
 }
 
+/// Three sheets at an edge, close enough to be on one side of it.
+fn book() -> Mesh {
+    let positions = vec![
+        [0.0, -0.9, 0.1],
+        [0.1, 1.0, 0.0],
+        [1.0, 0.5, 0.0],
+        [0.9, 0.4, 0.5],
+        [0.8, 0.3, -0.6],
+    ];
+    test_meshes::mesh(positions, vec![[0, 1, 2], [1, 0, 3], [0, 1, 4]])
+}
+
 /// All meshes, small enough to try everything.
 pub(super) fn all() -> Vec<(&'static str, Mesh)> {
     let mut meshes = vec![
@@ -86,6 +98,7 @@ pub(super) fn all() -> Vec<(&'static str, Mesh)> {
         ("flat l", sheet(l_outline())),
         ("flat star", sheet(star_outline(6))),
         ("flat frame", sheet(frame_outline())),
+        ("book", book()),
     ];
     meshes.extend(test_meshes::open().into_iter().filter(|m| m.0 != "zigzag"));
     meshes.push(("short zigzag", test_meshes::zigzag(12)));

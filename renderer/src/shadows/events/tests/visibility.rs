@@ -178,7 +178,7 @@ proptest! {
     fn outside_of_penumbral_events_the_light_is_whole(seed in any::<u64>()) {
         let mut next = rng(seed);
         let mut pairs = [0; 2];
-        for name in ["cube", "l", "star", "frame", "flat l", "flat star", "flat frame", "bow tie", "fin"] {
+        for name in ["cube", "l", "star", "frame", "flat l", "flat star", "flat frame", "bow tie", "fin", "book"] {
             let mesh = meshes::all().into_iter().find(|m| m.0 == name).unwrap().1;
             let stage = Stage::new(&turned_blocker(&mesh, &mut next), &mut next);
             let found = stage.check(EventKind::Penumbral, name, &mut next);
