@@ -3,4 +3,8 @@
 
 pub mod events;
 pub mod light;
+pub mod cast;
+mod clip;
+pub mod faces;
+mod faces_build;
 pub mod wedge;

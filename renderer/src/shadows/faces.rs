@@ -1,0 +1,229 @@
+//! Faces of a mesh in a hierarchy that a shadow event walks down (paper section 6.4, "Shadow edge computation").
+
+use std::ops::Range;
+use std::sync::Arc;
+
+use glam::DVec3;
+use protocol::scene::Mesh;
+
+use super::faces_build;
+use crate::edges::adjacency::Adjacency;
+
+/// Nodes are tested in groups of this many.
+pub(super) const LANES: usize = 8;
+/// Count of a node that is not a leaf.
+pub(super) const INNER: u32 = u32::MAX;
+/// Bounds the relative rounding error of a test in `f32`.
+const ROUNDING: f32 = 1.0 / (1 << 20) as f32;
+
+/// Eight sibling nodes, by component.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Group {
+    pub(super) centre: [[f32; LANES]; 3],
+    pub(super) half: [[f32; LANES]; 3],
+    pub(super) normal: [[f32; LANES]; 3],
+    /// Half the extent of the interval vector of normals.
+    pub(super) spread: [[f32; LANES]; 3],
+    /// Least `N · (V - centre)` over the faces; minus infinity if one of them can be lit from both sides.
+    pub(super) offset: [f32; LANES],
+    /// Leaf: its first face, in the tree's order. Otherwise the group of its children.
+    pub(super) start: [u32; LANES],
+    /// Faces of a leaf; [`INNER`]; 0 where there is no node.
+    pub(super) count: [u32; LANES],
+}
+
+/// A bounding-volume hierarchy over the faces of a mesh, with an interval vector of normals at every node, in object space.
+///
+/// Faces that take no part in the [`Adjacency`] (without area, or repeats of others) are left out. Moving or scaling an
+/// object changes nothing here.
+#[derive(Clone, Debug)]
+pub struct FaceTree {
+    pub(super) adjacency: Arc<Adjacency>,
+    pub(super) groups: Vec<Group>,
+    /// Welded vertices of the faces in the tree's order.
+    pub(super) corners: Vec<[u32; 3]>,
+    /// Indices of those faces in the mesh.
+    pub(super) faces: Vec<u32>,
+    /// Greatest 1-norm of a corner.
+    pub(super) reach: f32,
+}
+
+/// The points with `normal · p >= offset`.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct HalfSpace {
+    pub(super) normal: DVec3,
+    pub(super) offset: f64,
+}
+
+/// A convex part of a plane, in the form in which nodes are tested.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Region {
+    /// Unit normal and offset of the plane, and then of the half-spaces.
+    planes: [[f32; 4]; 4],
+    slack: [f32; 4],
+}
+
+/// Two ends of a light, in the form in which nodes are tested.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LightEnds {
+    ends: [[f32; 3]; 2],
+    slack: f32,
+}
+
+impl FaceTree {
+    /// Sorts the faces of a mesh into a tree. The adjacency must be the mesh's own.
+    pub fn new(mesh: &Mesh, adjacency: Arc<Adjacency>) -> Self {
+        faces_build::build(mesh, adjacency)
+    }
+
+    /// Faces that take part.
+    pub fn len(&self) -> usize {
+        self.faces.len()
+    }
+
+    /// Whether no face takes part.
+    pub fn is_empty(&self) -> bool {
+        self.faces.is_empty()
+    }
+
+    /// Corners of the box around the faces.
+    pub fn bounds(&self) -> [DVec3; 2] {
+        self.adjacency
+            .bounds
+            .map(|p| DVec3::from(p.map(f64::from)))
+    }
+
+    /// The welded mesh that this is a tree of.
+    pub fn adjacency(&self) -> &Arc<Adjacency> {
+        &self.adjacency
+    }
+
+    /// Bytes held, the adjacency not counted.
+    pub fn bytes(&self) -> usize {
+        self.groups.len() * size_of::<Group>() + self.faces.len() * 16
+    }
+
+    /// Position of a welded vertex.
+    #[inline]
+    pub(super) fn position(&self, vertex: u32) -> DVec3 {
+        DVec3::from(self.adjacency.positions[vertex as usize].map(f64::from))
+    }
+
+    /// A plane and half-spaces as nodes are tested with.
+    pub(super) fn region(&self, plane: HalfSpace, sides: [HalfSpace; 3]) -> Region {
+        let all = [plane, sides[0], sides[1], sides[2]].map(|h| {
+            let length = h.normal.length();
+            let scale = if length > 0.0 { 1.0 / length } else { 0.0 };
+            (h.normal * scale, h.offset * scale)
+        });
+        Region {
+            planes: all.map(|(n, d)| [n.x as f32, n.y as f32, n.z as f32, d as f32]),
+            slack: all.map(|(_, d)| ROUNDING * (self.reach + d.abs() as f32)),
+        }
+    }
+
+    /// Both ends of a light, if what is turned away from it is never lit: unless it lies within the bounds, and may be
+    /// inside a closed surface.
+    pub(super) fn light_outside(&self, ends: [DVec3; 2]) -> Option<LightEnds> {
+        let [low, high] = self.bounds();
+        let (least, most) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
+        let outside = most.cmplt(low).any() || least.cmpgt(high).any();
+        let size = ends.map(|e| e.abs().element_sum() as f32);
+        outside.then(|| LightEnds {
+            ends: ends.map(|e| e.as_vec3().to_array()),
+            slack: ROUNDING * (size[0].max(size[1]) + self.reach),
+        })
+    }
+
+    /// Calls `leaf` with runs of faces (in the tree's order) that together hold all that meet the region, but for some
+    /// that are turned away from the light if that is given.
+    pub(super) fn visit(
+        &self,
+        region: &Region,
+        light: Option<&LightEnds>,
+        stack: &mut Vec<u32>,
+        mut leaf: impl FnMut(Range<usize>),
+    ) {
+        stack.clear();
+        if !self.groups.is_empty() {
+            stack.push(0);
+        }
+        while let Some(index) = stack.pop() {
+            let group = &self.groups[index as usize];
+            let mut meets = group.meets(region);
+            if meets == 0 {
+                continue;
+            }
+            if let Some(light) = light {
+                meets &= group.lit(light);
+            }
+            while meets != 0 {
+                let lane = meets.trailing_zeros() as usize;
+                meets &= meets - 1;
+                let (start, count) = (group.start[lane], group.count[lane]);
+                if count == INNER {
+                    stack.push(start);
+                } else {
+                    leaf(start as usize..(start + count) as usize);
+                }
+            }
+        }
+    }
+}
+
+impl Group {
+    pub(super) const EMPTY: Self = Self {
+        centre: [[0.0; LANES]; 3],
+        half: [[0.0; LANES]; 3],
+        normal: [[0.0; LANES]; 3],
+        spread: [[0.0; LANES]; 3],
+        offset: [f32::NEG_INFINITY; LANES],
+        start: [0; LANES],
+        count: [0; LANES],
+    };
+
+    /// A bit for each node whose box may meet the region.
+    #[inline]
+    fn meets(&self, region: &Region) -> u32 {
+        let mut margin = [f32::INFINITY; LANES];
+        for (k, plane) in region.planes.iter().enumerate() {
+            let [x, y, z, d] = *plane;
+            for (i, margin) in margin.iter_mut().enumerate() {
+                let side = x * self.centre[0][i] + y * self.centre[1][i] + z * self.centre[2][i] - d;
+                let reach = x.abs() * self.half[0][i]
+                    + y.abs() * self.half[1][i]
+                    + z.abs() * self.half[2][i]
+                    + region.slack[k];
+                let inside = reach + if k == 0 { -side.abs() } else { side };
+                // A NaN must not rule a node out.
+                *margin = if inside < *margin { inside } else { *margin };
+            }
+        }
+        let mut mask = 0;
+        for (i, margin) in margin.iter().enumerate() {
+            mask |= u32::from(*margin >= 0.0 && self.count[i] != 0) << i;
+        }
+        mask
+    }
+
+    /// A bit for each node of which some face may be turned to the light.
+    #[inline]
+    fn lit(&self, light: &LightEnds) -> u32 {
+        let mut most = [f32::NEG_INFINITY; LANES];
+        for end in &light.ends {
+            for (i, most) in most.iter_mut().enumerate() {
+                let mut front = light.slack - self.offset[i];
+                for (k, at) in end.iter().enumerate() {
+                    let w = at - self.centre[k][i];
+                    front += self.normal[k][i] * w + (self.spread[k][i] + ROUNDING) * w.abs();
+                }
+                *most = if front <= *most { *most } else { front };
+            }
+        }
+        let mut mask = 0;
+        for (i, most) in most.iter().enumerate() {
+            mask |= u32::from(!(*most < 0.0)) << i;
+        }
+        mask
+    }
+}
