@@ -45,8 +45,8 @@ pub struct ShadowEdge {
     pub kind: EventKind,
 }
 
-/// A surface that an event meets before the blocker, but by no more than this share of the light's distance, touches the
-/// blocker and keeps the event, so that what rests on a floor keeps its contact line.
+/// A surface of another object that an event meets before the blocker, but by no more than this share of the light's
+/// distance, touches the blocker and keeps the event, so that what rests on a floor keeps its contact line.
 pub const CONTACT: f64 = 1e-5;
 /// Surfaces nearer to the light than this share of the blocker's distance hide nothing: a light may lie in a ceiling.
 pub const AT_LIGHT: f64 = 1e-4;
@@ -56,6 +56,8 @@ const ON_PLANE: f64 = 1e-12;
 const BEFORE: f64 = 1e300;
 /// `a` of the apex of an EV event, where `s` has no meaning.
 const APEX: f64 = 1e-12;
+/// What an event meets on less of its length than this lies along its rays, and is lit from its edge, if at all.
+const ALONG_RAYS: f64 = 1e-11;
 
 /// Memory that is kept from event to event.
 #[derive(Clone, Debug, Default)]
@@ -148,11 +150,11 @@ impl Sector {
     }
 
     /// Greatest nearness of what keeps the event.
-    fn limit(&self) -> f64 {
-        if self.t_apex == 0.0 {
-            1.0 / (1.0 - CONTACT)
-        } else {
-            2.0 / APEX
+    fn limit(&self, receiver: &Receiver<'_>) -> f64 {
+        match (self.t_apex == 0.0, receiver.is_blocker) {
+            (true, true) => 1.0 + APEX,
+            (true, false) => 1.0 / (1.0 - CONTACT),
+            (false, _) => 2.0 / APEX,
         }
     }
 
@@ -209,10 +211,12 @@ pub fn cast_event(
             cutter.cut(&wedge, &mut scratch.stack, &mut scratch.hits);
         }
     }
-    let limit = world.limit();
     scratch.envelope.nearest(&mut scratch.hits, |hit, s| {
         let receiver = &receivers[hit.receiver as usize];
-        let Some(s) = receiver.receives.then(|| below(hit, s, limit)).flatten() else {
+        if !receiver.receives {
+            return;
+        }
+        let Some(s) = below(hit, s, world.limit(receiver)) else {
             return;
         };
         let [(from, t0), (to, t1)] = s.map(|s| world.at(s, hit.at(s)));
@@ -242,7 +246,7 @@ fn below(hit: &Hit, [mut from, mut to]: [f64; 2], limit: f64) -> Option<[f64; 2]
     } else if b > limit {
         to = cross;
     }
-    (from < to).then_some([from, to])
+    (to - from > ALONG_RAYS).then_some([from, to])
 }
 
 /// Cuts one receiver with one event, in the receiver's coordinates.
@@ -388,11 +392,15 @@ fn clip_to_part(p: [f64; 2], q: [f64; 2], part: &Part) -> Option<([f64; 2], [f64
         ((c[1] / c[0]).clamp(0.0, 1.0), nearness)
     };
     let [(s0, n0), (s1, n1)] = range.map(at);
-    if s0 < s1 {
+    if s1 - s0 > ALONG_RAYS {
         Some(([s0, s1], [n0, n1]))
-    } else if s1 < s0 {
+    } else if s0 - s1 > ALONG_RAYS {
         Some(([s1, s0], [n1, n0]))
     } else {
         None
     }
 }
+
+#[cfg(test)]
+#[path = "cast_tests.rs"]
+mod tests;

@@ -129,7 +129,11 @@ impl Envelope {
             if to <= TIE * own[1] {
                 continue;
             }
-            let share = if from >= 0.0 { 0.0 } else { -from / (to - from) };
+            let share = if from >= 0.0 {
+                0.0
+            } else {
+                -from / (to - from)
+            };
             let slope = to - from;
             if first.is_none_or(|(least, steepest, _)| {
                 share < least || (share == least && slope > steepest)

@@ -88,9 +88,7 @@ impl FaceTree {
 
     /// Corners of the box around the faces.
     pub fn bounds(&self) -> [DVec3; 2] {
-        self.adjacency
-            .bounds
-            .map(|p| DVec3::from(p.map(f64::from)))
+        self.adjacency.bounds.map(|p| DVec3::from(p.map(f64::from)))
     }
 
     /// The welded mesh that this is a tree of.
@@ -189,7 +187,8 @@ impl Group {
         for (k, plane) in region.planes.iter().enumerate() {
             let [x, y, z, d] = *plane;
             for (i, margin) in margin.iter_mut().enumerate() {
-                let side = x * self.centre[0][i] + y * self.centre[1][i] + z * self.centre[2][i] - d;
+                let side =
+                    x * self.centre[0][i] + y * self.centre[1][i] + z * self.centre[2][i] - d;
                 let reach = x.abs() * self.half[0][i]
                     + y.abs() * self.half[1][i]
                     + z.abs() * self.half[2][i]

@@ -210,7 +210,12 @@ fn flatten(groups: &mut Vec<Group>, adjacency: &Adjacency, items: &[Item], nodes
             (flatten(groups, adjacency, items, &node.children), INNER)
         };
         let group = &mut groups[index];
-        bound(group, lane, adjacency, &items[node.start..node.start + node.count]);
+        bound(
+            group,
+            lane,
+            adjacency,
+            &items[node.start..node.start + node.count],
+        );
         group.start[lane] = start;
         group.count[lane] = count;
     }
