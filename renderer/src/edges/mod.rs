@@ -11,6 +11,7 @@ pub mod crossings;
 pub mod depth;
 pub mod finder;
 pub mod list;
+pub mod meets;
 mod orient;
 pub mod raster;
 pub mod tree;

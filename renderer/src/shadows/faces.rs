@@ -48,6 +48,29 @@ pub struct FaceTree {
     pub(super) reach: f32,
 }
 
+/// A node by itself, for walks down two trees at once.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FaceNode {
+    /// Middle of its box, object space.
+    pub(crate) centre: DVec3,
+    /// Half the size of its box.
+    pub(crate) half: DVec3,
+    start: u32,
+    count: u32,
+}
+
+impl FaceNode {
+    /// Whether it holds faces, not nodes.
+    pub(crate) fn is_leaf(&self) -> bool {
+        self.count != INNER
+    }
+
+    /// The faces of a leaf, by the tree's order.
+    pub(crate) fn run(&self) -> Range<usize> {
+        self.start as usize..(self.start + self.count) as usize
+    }
+}
+
 /// The points with `normal · p >= offset`.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct HalfSpace {
@@ -103,8 +126,44 @@ impl FaceTree {
 
     /// Position of a welded vertex.
     #[inline]
-    pub(super) fn position(&self, vertex: u32) -> DVec3 {
+    pub(crate) fn position(&self, vertex: u32) -> DVec3 {
         DVec3::from(self.adjacency.positions[vertex as usize].map(f64::from))
+    }
+
+    /// Welded vertices of a face, by the tree's order.
+    pub(crate) fn corners(&self, face: usize) -> [u32; 3] {
+        self.corners[face]
+    }
+
+    /// Index in the mesh of a face by the tree's order.
+    pub(crate) fn face(&self, face: usize) -> u32 {
+        self.faces[face]
+    }
+
+    /// The node that holds all.
+    pub(crate) fn root(&self) -> FaceNode {
+        let [low, high] = self.bounds();
+        FaceNode {
+            centre: (low + high) * 0.5,
+            half: (high - low) * 0.5,
+            start: 0,
+            count: if self.groups.is_empty() { 0 } else { INNER },
+        }
+    }
+
+    /// The nodes below a node that is no leaf.
+    pub(crate) fn children(&self, node: &FaceNode) -> impl Iterator<Item = FaceNode> {
+        let group = &self.groups[node.start as usize];
+        let lanes = (0..LANES).filter(|i| group.count[*i] != 0);
+        lanes.map(|i| {
+            let at = |x: &[[f32; LANES]; 3]| DVec3::from([0, 1, 2].map(|k| f64::from(x[k][i])));
+            FaceNode {
+                centre: at(&group.centre),
+                half: at(&group.half),
+                start: group.start[i],
+                count: group.count[i],
+            }
+        })
     }
 
     /// A plane and half-spaces as nodes are tested with.
