@@ -207,8 +207,9 @@ impl Face {
     fn meet(&self, other: &Self) -> Option<[DVec3; 2]> {
         let mine = self.cut(other)?;
         let line = self.normal.cross(other.normal);
-        // Not `<=`: coordinates that are not finite must fail too.
-        if !(line.length() > COPLANAR) {
+        // What is not a number is not across either.
+        let across = line.length() > COPLANAR;
+        if !across {
             return None;
         }
         let theirs = other.cut(self)?;

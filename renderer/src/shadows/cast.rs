@@ -206,7 +206,9 @@ pub fn cast_event(
                 tree: receiver.tree,
                 sector: &sector,
                 receiver: index as u32,
-                vertices: receiver.is_blocker.then_some(event.vertices),
+                vertices: receiver
+                    .is_blocker
+                    .then(|| event.vertices.map(|v| receiver.tree.own_vertex(v))),
             };
             cutter.cut(&wedge, &mut scratch.stack, &mut scratch.hits);
         }
@@ -254,7 +256,7 @@ struct Cutter<'a> {
     tree: &'a FaceTree,
     sector: &'a Sector,
     receiver: u32,
-    /// Vertices of the event, if they are the receiver's.
+    /// Vertices of the event, as the tree numbers them, if they are the receiver's.
     vertices: Option<[u32; 2]>,
 }
 
@@ -378,8 +380,9 @@ fn clip_to_part(p: [f64; 2], q: [f64; 2], part: &Part) -> Option<([f64; 2], [f64
             range[1] = range[1].min(f / (f - g));
         }
     }
-    // Not `>=`: what is not a number must fail too.
-    if !(range[0] < range[1]) {
+    // What is not a number is nothing either.
+    let some = range[0] < range[1];
+    if !some {
         return None;
     }
     let at = |share: f64| {

@@ -418,7 +418,7 @@ fn of_edge(tree: &FaceTree, light: DVec3, ends: [[f32; 3]; 2]) -> Event {
     Event {
         wedge: Wedge {
             light: [light; 2],
-            blocker: vertices.map(|v| tree.position(v)),
+            blocker: vertices.map(|v| tree.position(tree.own_vertex(v))),
         },
         kind: EventKind::Hard,
         vertices,

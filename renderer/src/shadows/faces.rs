@@ -13,23 +13,26 @@ use crate::edges::adjacency::Adjacency;
 pub(super) const LANES: usize = 8;
 /// Count of a node that is not a leaf.
 pub(super) const INNER: u32 = u32::MAX;
+/// A vertex of no face.
+pub(super) const NO_VERTEX: u32 = u32::MAX;
 /// Bounds the relative rounding error of a test in `f32`.
 const ROUNDING: f32 = 1.0 / (1 << 20) as f32;
 
-/// Eight sibling nodes, by component.
+/// Eight sibling nodes, by component; what is read first comes first.
 #[derive(Clone, Copy, Debug)]
+#[repr(C, align(64))]
 pub(super) struct Group {
     pub(super) centre: [[f32; LANES]; 3],
     pub(super) half: [[f32; LANES]; 3],
+    /// Leaf: its first face, in the tree's order. Otherwise the group of its children.
+    pub(super) start: [u32; LANES],
+    /// Faces of a leaf; [`INNER`]; 0 where there is no node.
+    pub(super) count: [u32; LANES],
     pub(super) normal: [[f32; LANES]; 3],
     /// Half the extent of the interval vector of normals.
     pub(super) spread: [[f32; LANES]; 3],
     /// Least `N · (V - centre)` over the faces; minus infinity if one of them can be lit from both sides.
     pub(super) offset: [f32; LANES],
-    /// Leaf: its first face, in the tree's order. Otherwise the group of its children.
-    pub(super) start: [u32; LANES],
-    /// Faces of a leaf; [`INNER`]; 0 where there is no node.
-    pub(super) count: [u32; LANES],
 }
 
 /// A bounding-volume hierarchy over the faces of a mesh, with an interval vector of normals at every node, in object space.
@@ -40,8 +43,12 @@ pub(super) struct Group {
 pub struct FaceTree {
     pub(super) adjacency: Arc<Adjacency>,
     pub(super) groups: Vec<Group>,
-    /// Welded vertices of the faces in the tree's order.
+    /// Vertices of the faces in the tree's order.
     pub(super) corners: Vec<[u32; 3]>,
+    /// Positions of those vertices, in the order in which the faces name them first, so that neighbours lie together.
+    pub(super) positions: Vec<[f32; 3]>,
+    /// The tree's number of each welded vertex of the adjacency; [`NO_VERTEX`] if no face has it.
+    pub(super) vertices: Vec<u32>,
     /// Indices of those faces in the mesh.
     pub(super) faces: Vec<u32>,
     /// Greatest 1-norm of a corner.
@@ -83,7 +90,8 @@ pub(super) struct HalfSpace {
 pub(super) struct Region {
     /// Unit normal and offset of the plane, and then of the half-spaces.
     planes: [[f32; 4]; 4],
-    slack: [f32; 4],
+    /// Absolute normal, and what rounding may come to.
+    reach: [[f32; 4]; 4],
 }
 
 /// Two ends of a light, in the form in which nodes are tested.
@@ -121,16 +129,23 @@ impl FaceTree {
 
     /// Bytes held, the adjacency not counted.
     pub fn bytes(&self) -> usize {
-        self.groups.len() * size_of::<Group>() + self.faces.len() * 16
+        let nodes = self.groups.len() * size_of::<Group>();
+        nodes + self.faces.len() * 16 + self.positions.len() * 12 + self.vertices.len() * 4
     }
 
-    /// Position of a welded vertex.
+    /// The tree's number of a welded vertex; [`NO_VERTEX`] if it is not there.
+    pub(super) fn own_vertex(&self, welded: u32) -> u32 {
+        let own = self.vertices.get(welded as usize);
+        own.copied().unwrap_or(NO_VERTEX)
+    }
+
+    /// Position of a vertex by the tree's number.
     #[inline]
     pub(crate) fn position(&self, vertex: u32) -> DVec3 {
-        DVec3::from(self.adjacency.positions[vertex as usize].map(f64::from))
+        DVec3::from(self.positions[vertex as usize].map(f64::from))
     }
 
-    /// Welded vertices of a face, by the tree's order.
+    /// Vertices of a face, both by the tree's order.
     pub(crate) fn corners(&self, face: usize) -> [u32; 3] {
         self.corners[face]
     }
@@ -173,9 +188,13 @@ impl FaceTree {
             let scale = if length > 0.0 { 1.0 / length } else { 0.0 };
             (h.normal * scale, h.offset * scale)
         });
+        let planes = all.map(|(n, d)| [n.x as f32, n.y as f32, n.z as f32, d as f32]);
         Region {
-            planes: all.map(|(n, d)| [n.x as f32, n.y as f32, n.z as f32, d as f32]),
-            slack: all.map(|(_, d)| ROUNDING * (self.reach + d.abs() as f32)),
+            planes,
+            reach: planes.map(|p| {
+                let slack = ROUNDING * (self.reach + p[3].abs());
+                [p[0].abs(), p[1].abs(), p[2].abs(), slack]
+            }),
         }
     }
 
@@ -243,15 +262,14 @@ impl Group {
     #[inline]
     fn meets(&self, region: &Region) -> u32 {
         let mut margin = [f32::INFINITY; LANES];
-        for (k, plane) in region.planes.iter().enumerate() {
-            let [x, y, z, d] = *plane;
+        for k in 0..4 {
+            let [x, y, z, d] = region.planes[k];
+            let [rx, ry, rz, slack] = region.reach[k];
             for (i, margin) in margin.iter_mut().enumerate() {
                 let side =
                     x * self.centre[0][i] + y * self.centre[1][i] + z * self.centre[2][i] - d;
-                let reach = x.abs() * self.half[0][i]
-                    + y.abs() * self.half[1][i]
-                    + z.abs() * self.half[2][i]
-                    + region.slack[k];
+                let reach =
+                    rx * self.half[0][i] + ry * self.half[1][i] + rz * self.half[2][i] + slack;
                 let inside = reach + if k == 0 { -side.abs() } else { side };
                 // A NaN must not rule a node out.
                 *margin = if inside < *margin { inside } else { *margin };
@@ -280,7 +298,8 @@ impl Group {
         }
         let mut mask = 0;
         for (i, most) in most.iter().enumerate() {
-            mask |= u32::from(!(*most < 0.0)) << i;
+            let turned_away = *most < 0.0;
+            mask |= u32::from(!turned_away) << i;
         }
         mask
     }

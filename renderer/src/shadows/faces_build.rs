@@ -5,7 +5,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use protocol::scene::Mesh;
 
-use super::faces::{FaceTree, Group, INNER, LANES};
+use super::faces::{FaceTree, Group, INNER, LANES, NO_VERTEX};
 use crate::edges::adjacency::Adjacency;
 use crate::edges::weld::weld;
 
@@ -81,9 +81,23 @@ pub(super) fn build(mesh: &Mesh, adjacency: Arc<Adjacency>) -> FaceTree {
     let reach = items.iter().fold(0.0_f32, |most, i| {
         most.max(i.low.abs().max(i.high.abs()).element_sum())
     });
+    let mut vertices = vec![NO_VERTEX; adjacency.positions.len()];
+    let mut positions = Vec::with_capacity(adjacency.positions.len());
+    let own = items.iter().map(|item| {
+        corners(item.face).map(|v| {
+            let own = &mut vertices[v as usize];
+            if *own == NO_VERTEX {
+                *own = positions.len() as u32;
+                positions.push(adjacency.positions[v as usize]);
+            }
+            *own
+        })
+    });
     FaceTree {
         groups,
-        corners: items.iter().map(|i| corners(i.face)).collect(),
+        corners: own.collect(),
+        positions,
+        vertices,
         faces: items.iter().map(|i| i.face).collect(),
         reach: reach.next_up(),
         adjacency,
