@@ -7,8 +7,9 @@ use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 use protocol::scene::Mesh;
 
+use super::super::faces::{INNER, LANES};
 use super::*;
-use crate::edges::adjacency::Adjacency;
+use crate::edges::adjacency::{Adjacency, EyeBox};
 
 fn config(cases: u32) -> ProptestConfig {
     ProptestConfig {
@@ -251,6 +252,48 @@ fn placement(p: [f64; 12]) -> DAffine3 {
     DAffine3::from_mat3_translation(m, DVec3::new(p[9], p[10], p[11]) * 3.0)
 }
 
+/// Checks the boxes and normals of a node and of all below it; counts how often each face is there.
+fn check_node(tree: &FaceTree, index: u32, seen: &mut [u32]) -> Vec<usize> {
+    let group = &tree.groups[index as usize];
+    let mut all = Vec::new();
+    for lane in (0..LANES).filter(|i| group.count[*i] != 0) {
+        let (start, count) = (group.start[lane], group.count[lane]);
+        let held = if count == INNER {
+            check_node(tree, start, seen)
+        } else {
+            let run: Vec<usize> = (start as usize..(start + count) as usize).collect();
+            run.iter().for_each(|f| seen[*f] += 1);
+            run
+        };
+        for &f in &held {
+            let normal = tree.adjacency.normals[tree.faces[f] as usize];
+            for k in 0..3 {
+                let within = |x: f64, middle: &[[f32; LANES]; 3], half: &[[f32; LANES]; 3]| {
+                    (x - f64::from(middle[k][lane])).abs() <= f64::from(half[k][lane])
+                };
+                assert!(within(normal[k], &group.normal, &group.spread));
+                for v in tree.corners[f] {
+                    assert!(within(tree.position(v)[k], &group.centre, &group.half));
+                }
+            }
+        }
+        all.extend(held);
+    }
+    all
+}
+
+#[test]
+fn nodes_hold_what_is_below_them() {
+    let meshes = [ball(20, 0.3), cuboid([-1.0; 3], [1.0; 3]), floor()];
+    for mesh in &meshes {
+        let tree = tree(mesh);
+        let mut seen = vec![0; tree.len()];
+        check_node(&tree, 0, &mut seen);
+        assert!(seen.iter().all(|n| *n == 1));
+        assert_eq!(tree.len(), mesh.faces.len());
+    }
+}
+
 prop_compose! {
     fn loose(count: usize, size: f32)(
         at in prop::collection::vec((prop::array::uniform3(-2.0_f32..2.0), prop::array::uniform9(-1.0_f32..1.0)), count)
@@ -453,33 +496,71 @@ fn contact_is_kept_from_its_first_point() {
     assert!(edges.is_empty(), "{edges:?}");
 }
 
-#[test]
-fn contact_within_one_mesh_is_kept() {
-    // A floor with a box standing on it whose corner is a vertex of the floor: one mesh, one vertex.
+/// A floor with a box standing on it whose corner (2, 0, 0) is a vertex of the floor: one mesh, one vertex.
+fn grown_from_floor() -> Mesh {
     let mut both = cuboid([0.0, 0.0, 0.0], [2.0, 2.0, 2.0]);
-    both.positions.extend([
-        [-9.0, 0.0, -9.0],
-        [9.0, 0.0, -9.0],
-        [9.0, 0.0, 9.0],
-        [-9.0, 0.0, 9.0],
-    ]);
-    // The floor's faces all meet in the box's corner, which is vertex 1 at (2, 0, 0).
+    let floor = floor().positions;
+    both.positions.extend(floor);
     both.faces
         .extend([[8, 1, 9], [9, 1, 10], [10, 1, 11], [11, 1, 8]]);
-    let tree = tree(&both);
-    let event = of_edge(
-        &tree,
-        DVec3::new(-6.0, 5.0, -1.5),
-        [[2.0, 0.0, 0.0], [2.0, 2.0, 0.0]],
-    );
-    let own = Receiver {
-        is_blocker: true,
-        ..receiver(&tree)
-    };
-    let edges = cast(&event, &[own]);
-    assert_eq!(edges.len(), 1, "{edges:?}");
-    assert_eq!(edges[0].s, [0.0, 1.0]);
-    assert_eq!(edges[0].from, DVec3::new(2.0, 0.0, 0.0));
+    both
+}
+
+proptest! {
+    #![proptest_config(config(40))]
+
+    #[test]
+    fn contact_within_one_mesh_is_kept(
+        x in -6.0_f64..-3.0,
+        y in 5.0_f64..7.0,
+        z in -3.0_f64..-0.5,
+        place in prop::array::uniform12(-1.0_f64..1.0),
+    ) {
+        let place = placement(place);
+        prop_assume!(place.matrix3.determinant().abs() > 0.05);
+        let tree = tree(&grown_from_floor());
+        let light = DVec3::new(x, y, z);
+        let here = of_edge(&tree, light, [[2.0, 0.0, 0.0], [2.0, 2.0, 0.0]]);
+        let event = Event { wedge: here.wedge.transformed(&place), ..here };
+        let own = Receiver {
+            is_blocker: true,
+            to_object: place.inverse(),
+            ..receiver(&tree)
+        };
+        let edges = cast(&event, &[own]);
+        let covered: f64 = edges.iter().map(|e| e.s[1] - e.s[0]).sum();
+        prop_assert!((covered - 1.0).abs() < 1e-12);
+        prop_assert_eq!(edges[0].s[0], 0.0);
+        prop_assert_eq!(edges[0].t[0], 1.0);
+        let corner = place.transform_point3(DVec3::new(2.0, 0.0, 0.0));
+        prop_assert!(edges[0].from.distance(corner) < 1e-12 * (1.0 + event.wedge.light[0].length()));
+    }
+
+    #[test]
+    fn a_blocker_receives_its_own_shadow(
+        bumps in 0.1_f32..0.4,
+        light in prop::array::uniform3(-1.0_f64..1.0),
+        distance in 1.5_f64..4.0,
+    ) {
+        let light = DVec3::from(light).try_normalize().unwrap_or(DVec3::Y) * distance;
+        let mesh = ball(14, bumps);
+        let tree = tree(&mesh);
+        let adjacency = tree.adjacency.clone();
+        let eye = EyeBox::point(light);
+        let outline = (0..adjacency.edges.len()).filter(|e| {
+            let faces = adjacency.faces(*e);
+            adjacency.facing(faces[0], &eye) != adjacency.facing(faces[1], &eye)
+        });
+        let own = Receiver { is_blocker: true, ..receiver(&tree) };
+        let all = triangles(&mesh, &DAffine3::IDENTITY);
+        for edge in outline.step_by(23) {
+            let vertices = adjacency.edges[edge];
+            let event = of_edge(&tree, light, vertices.map(|v| adjacency.positions[v as usize]));
+            let others = |f: &usize| !adjacency.faces(edge).contains(&(*f as u32));
+            let others: Vec<_> = (0..all.len()).filter(others).map(|f| all[f]).collect();
+            check_by_rays(&event, &cast(&event, &[own]), &others);
+        }
+    }
 }
 
 #[test]
