@@ -407,3 +407,7 @@ fn clip_to_part(p: [f64; 2], q: [f64; 2], part: &Part) -> Option<([f64; 2], [f64
 #[cfg(test)]
 #[path = "cast_tests.rs"]
 mod tests;
+
+#[cfg(test)]
+#[path = "contact_tests.rs"]
+mod contact_tests;
