@@ -1,10 +1,10 @@
 //! Where shadows begin and end: events between lights and blockers, and the edges they draw on receivers
 //! (paper sections 6.3 to 6.5 and Appendix A).
 
-pub mod events;
-pub mod light;
 pub mod cast;
 mod clip;
+pub mod events;
 pub mod faces;
 mod faces_build;
+pub mod light;
 pub mod wedge;
