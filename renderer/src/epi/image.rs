@@ -130,6 +130,22 @@ impl Epi {
         Class::new(self.code_at(x, y), self.primary_inner[word] >> bit & 1 != 0)
     }
 
+    /// Makes a simple pixel complex.
+    pub(super) fn make_complex(&mut self, x: usize, y: usize) {
+        let ((word, bit), at) = (self.grid.bit(x, y), self.grid.at(x, y));
+        self.code[at] = EdgeCode::COMPLEX.0;
+        self.complex[word] |= 1 << bit;
+        let [a, b, c] = &mut self.inner_corner;
+        for plane in [&mut self.simple, &mut self.inner_larger, a, b, c] {
+            plane[word] &= !(1 << bit);
+        }
+        for centre in &mut self.centre_px {
+            centre[at] = 0.5;
+        }
+        self.counts.simple -= 1;
+        self.counts.complex += 1;
+    }
+
     /// Settles which region of each simple pixel is primary (paper section 5.1): the one that its sample lies in, or the
     /// larger one if there is no sample or its side is not known. Call after classification, once a frame.
     pub fn set_primary(&mut self, samples: &SamplePlaces) {

@@ -8,6 +8,7 @@
 //! Per-pixel data is laid out by [`grid::Grid`]: a *bit plane* has one bit a pixel in 64-bit words, an *element array*
 //! one element a pixel with a margin. Image space has its origin at the top left, x right, y down, one unit a pixel.
 
+pub mod bends;
 pub mod classify;
 pub mod code;
 pub(crate) mod geometry;

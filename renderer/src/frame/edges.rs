@@ -14,6 +14,7 @@ use crate::edges::list::EdgeList;
 use crate::edges::visibility::{EdgeDrawer, Hiding};
 use crate::edges::world::world_of;
 use crate::epi::Epi;
+use crate::epi::bends::mark_bends;
 use crate::epi::classify::classify;
 use crate::epi::grid::Grid;
 use crate::points::PixelSamples;
@@ -92,6 +93,9 @@ impl EdgeStage {
     pub fn classify(&mut self, level: Level, epi: &mut Epi) {
         if std::mem::take(&mut self.changed) {
             classify(level, &self.crossings, epi);
+            if self.culling == Culling::Rays {
+                mark_bends(self.drawer.visible(), epi);
+            }
         }
     }
 
