@@ -1,30 +1,125 @@
-//! Colours for pixels that reach no sample at all.
+//! Colours for pixels that found no sample near enough.
 
+use super::diffuse::Neighbours;
 use super::interpolate::Interpolated;
+use crate::epi::grid::Grid;
 use crate::points::PixelSamples;
 
-/// Colours of bare pixels: the mean of the samples in the smallest block of 2, 4, 8 ... pixels squared around each that
-/// has any.
-pub(super) fn fill_bare(samples: &PixelSamples, out: &mut Interpolated) {
+/// Colours of bare pixels: that of the nearest pixel that has one and can be reached; where none can be, the mean of the
+/// samples in the smallest block of 2, 4, 8 ... pixels squared around each that has any.
+///
+/// `left` and `queue` are scratch: a bit plane and a list of pixels.
+pub(super) fn fill_bare(
+    samples: &PixelSamples,
+    near: Neighbours<'_>,
+    left: &mut [u64],
+    queue: &mut Vec<u32>,
+    out: &mut Interpolated,
+) {
     let grid = samples.grid;
     if samples.has.iter().all(|&w| w == 0) {
         return;
+    }
+    for (left, (bare, complex)) in left.iter_mut().zip(out.bare.iter().zip(near.complex)) {
+        *left = bare & !complex;
+    }
+    lend(grid, near, left, queue, out);
+    for (left, (bare, complex)) in left.iter_mut().zip(out.bare.iter().zip(near.complex)) {
+        *left |= bare & complex;
     }
     let levels = grid
         .width
         .max(grid.height)
         .next_power_of_two()
         .trailing_zeros();
+    for_each(grid, left, |x, y| {
+        let mean = (1..=levels).find_map(|level| block_mean(samples, (x, y), level));
+        for (plane, value) in out.rgb.iter_mut().zip(mean.unwrap_or_default()) {
+            plane[grid.at(x, y)] = value;
+        }
+    });
+}
+
+/// Gives pixels whose bit is in `left` the colour of the nearest pixel whose bit is not, step by step and never across an
+/// edge, and clears their bits.
+fn lend(
+    grid: Grid,
+    near: Neighbours<'_>,
+    left: &mut [u64],
+    queue: &mut Vec<u32>,
+    out: &mut Interpolated,
+) {
+    queue.clear();
+    let is_left = |left: &[u64], (x, y): (usize, usize)| {
+        let (word, bit) = grid.bit(x, y);
+        left[word] >> bit & 1 == 1
+    };
+    let mut copy = |from: (usize, usize), to: (usize, usize)| {
+        for plane in &mut out.rgb {
+            plane[grid.at(to.0, to.1)] = plane[grid.at(from.0, from.1)];
+        }
+    };
+    for_each(grid, left, |x, y| {
+        let lender = joined(grid, near, (x, y)).find(|&there| !is_left(left, there));
+        if let Some(there) = lender {
+            copy(there, (x, y));
+            queue.push((y * grid.width + x) as u32);
+        }
+    });
+    let clear = |left: &mut [u64], x: usize, y: usize| {
+        let (word, bit) = grid.bit(x, y);
+        left[word] &= !(1 << bit);
+    };
+    for &pixel in queue.iter() {
+        clear(
+            left,
+            pixel as usize % grid.width,
+            pixel as usize / grid.width,
+        );
+    }
+    let mut next = 0;
+    while let Some(&pixel) = queue.get(next) {
+        next += 1;
+        let here = (pixel as usize % grid.width, pixel as usize / grid.width);
+        for there in joined(grid, near, here) {
+            if is_left(left, there) {
+                copy(here, there);
+                clear(left, there.0, there.1);
+                queue.push((there.1 * grid.width + there.0) as u32);
+            }
+        }
+    }
+}
+
+/// The direct neighbours that no edge separates from a pixel.
+fn joined(
+    grid: Grid,
+    near: Neighbours<'_>,
+    (x, y): (usize, usize),
+) -> impl Iterator<Item = (usize, usize)> {
+    let bit = |plane: &[u64], x: usize, y: usize| {
+        let (word, bit) = grid.bit(x, y);
+        plane[word] >> bit & 1 == 1
+    };
+    let to = |open: bool, x: usize, y: usize| open.then_some((x, y));
+    [
+        to(x > 0 && bit(near.right, x - 1, y), x.wrapping_sub(1), y),
+        to(y > 0 && bit(near.down, x, y - 1), x, y.wrapping_sub(1)),
+        to(x + 1 < grid.width && bit(near.right, x, y), x + 1, y),
+        to(y + 1 < grid.height && bit(near.down, x, y), x, y + 1),
+    ]
+    .into_iter()
+    .flatten()
+}
+
+/// Visits every pixel whose bit is set.
+fn for_each(grid: Grid, plane: &[u64], mut visit: impl FnMut(usize, usize)) {
     for y in 0..grid.height {
         for word in 0..grid.words {
-            let mut left = out.bare[y * grid.words + word];
-            while left != 0 {
-                let x = word * 64 + left.trailing_zeros() as usize;
-                left &= left - 1;
-                let mean = (1..=levels).find_map(|level| block_mean(samples, (x, y), level));
-                for (plane, value) in out.rgb.iter_mut().zip(mean.unwrap_or_default()) {
-                    plane[grid.at(x, y)] = value;
-                }
+            let mut bits = plane[y * grid.words + word];
+            while bits != 0 {
+                visit(word * 64 + bits.trailing_zeros() as usize, y);
+                bits &= bits - 1;
             }
         }
     }

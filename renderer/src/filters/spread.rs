@@ -3,8 +3,9 @@
 //!
 //! Far from edges [`super::open`] serves whole tiles. Near them each starved pixel, or block of 2x2 pixels that no edge
 //! touches, grows the set of pixels that it reaches step by step, 64 columns in a word, until it holds enough samples.
-//! Pixels that reach none take the mean of the smallest power-of-two block around them that has samples, edges or not:
-//! wrong across an edge, but the first to be asked for.
+//! Pixels that reach none in so many steps take the colour of the nearest pixel that can be reached and has one. Where an
+//! edge cuts them off from all samples they take the mean of the smallest power-of-two block around them that has any:
+//! wrong across the edge, but the first to be asked for.
 
 use fearless_simd::Level;
 
@@ -40,6 +41,7 @@ pub struct Spread {
     gathered: open::Gathered,
     found: Vec<u32>,
     diffusion: super::diffuse::Diffusion,
+    queue: Vec<u32>,
 }
 
 impl Spread {
@@ -52,6 +54,7 @@ impl Spread {
             gathered: open::Gathered::default(),
             found: Vec::with_capacity(MOST),
             diffusion: super::diffuse::Diffusion::new(grid),
+            queue: Vec::with_capacity(grid.width * grid.height),
         }
     }
 
@@ -91,7 +94,7 @@ impl Spread {
                 }
             }
             if out.bare.iter().any(|&w| w != 0) {
-                fill_bare(samples, out);
+                fill_bare(samples, near, &mut self.edges, &mut self.queue, out);
             }
         }
         self.left = left;

@@ -226,7 +226,9 @@ impl Display {
         let grid = self.grid;
         for &pixel in self.still.changed() {
             let (x, y) = (pixel as usize % grid.width, pixel as usize / grid.width);
-            let (mean, place) = still_sample(&self.still, &self.epi, x, y);
+            let Some((mean, place)) = still_sample(&self.still, &self.epi, x, y) else {
+                continue;
+            };
             let at = grid.at(x, y);
             [self.pixels.x[at], self.pixels.y[at]] = place;
             self.pixels.count[at] = mean.count;
@@ -417,15 +419,16 @@ impl Display {
 }
 
 /// What stands for a pixel of a still camera and where: the mean of the region with more samples, placed so that its side
-/// of the edge is sure, or of the whole pixel.
-fn still_sample(still: &Still, epi: &Epi, x: usize, y: usize) -> (Mean, [f32; 2]) {
+/// of the edge is sure, or of the whole pixel. Nothing for samples of which none has a sure side: their mean may mix both.
+fn still_sample(still: &Still, epi: &Epi, x: usize, y: usize) -> Option<(Mean, [f32; 2])> {
     let code = epi.code_at(x, y);
     let whole = *still.whole(x, y);
     let Some(split) = Some(code)
         .filter(|c| c.is_simple())
         .and_then(|c| still.split(x, y, c.0))
     else {
-        return (whole, whole.place);
+        let mixes = code.is_simple() && whole.count > 1.0;
+        return (!mixes).then_some((whole, whole.place));
     };
     let [outer, inner] = split.regions;
     let is_inner = match inner.count.total_cmp(&outer.count) {
@@ -442,7 +445,7 @@ fn still_sample(still: &Still, epi: &Epi, x: usize, y: usize) -> (Mean, [f32; 2]
     } else {
         epi.tables().centroid_px(code, is_inner)
     };
-    (mean, place)
+    Some((mean, place))
 }
 
 /// Visits every pixel whose bit is set.

@@ -13,12 +13,12 @@ use renderer::frame::Display;
 
 use crate::drive::{Theatre, view};
 
-const SIZE_PX: [u32; 2] = [192, 144];
-const FRAMES: usize = 40;
+const SIZE_PX: [u32; 2] = [144, 108];
+const FRAMES: usize = 24;
 /// Colours differ from red and blue by rounding at most.
 const ROUNDING: f32 = 1e-4;
 
-pub(crate) const HEAD: &str = r#"
+const HEAD: &str = r#"
 [shading]
 ambient = [1, 1, 1]
 background = [0, 0, 1]
@@ -34,7 +34,7 @@ translate = [0, 0, -2]
 material = "blue"
 "#;
 
-pub(crate) const SHEET: &str = r#"
+const SHEET: &str = r#"
 [[object]]
 name = "sheet"
 generate = { kind = "plane", size = [1.7, 1.1] }
@@ -94,24 +94,22 @@ fn paths() -> [(&'static str, Vec<View>); 5] {
 /// A pixel of a frame and its colour.
 type Place = (usize, usize, usize, [f32; 3]);
 
+/// What becomes of pixels that no edge crosses, and of samples.
 #[derive(Debug, Default)]
 struct Tally {
-    /// Pixels that no edge crosses, mix colours, and reach samples of one colour alone.
-    mixed: Vec<Place>,
-    /// Pixels with an edge that mix colours where rays find one colour alone.
-    far: Vec<Place>,
-    /// Samples that lie on the wrong side of an edge although what they show is seen.
-    astray: Vec<Place>,
-    /// Samples of points that something hides.
-    hidden: usize,
-    samples: usize,
-    /// Pixels that no edge crosses, and those of them that reach no sample.
     empty: usize,
-    cut_off: usize,
-    /// Those of them that mix colours because a hidden point can be reached.
+    /// Reach samples of one colour alone, and mix both.
+    mixed: Vec<Place>,
+    /// Mix both, through a gap in the edges.
+    leaked: Vec<Place>,
+    /// Mix both, because the point of a sample that they reach is hidden by now.
     spoilt: usize,
-    /// Those of them that show the wrong one of the two colours.
+    /// Show the wrong one of the two colours.
     wrong: usize,
+    /// Pixels with an edge that mix both where rays find one alone.
+    far: Vec<Place>,
+    samples: usize,
+    hidden: usize,
 }
 
 impl Tally {
@@ -139,15 +137,13 @@ impl Tally {
                 continue;
             }
             let colour = [0, 1, 2].map(|k| pixels.rgb[k][at]);
-            let shows_red = is_pure(colour)[0];
-            assert!(
-                shows_red || is_pure(colour)[1],
-                "{frame} {x} {y}: {colour:?}"
-            );
+            let [shows_red, shows_blue] = is_pure(colour);
             self.samples += 1;
-            let is_hidden = shows_red != red(x as f32 + pixels.x[at], y as f32 + pixels.y[at]);
+            let really_red = red(x as f32 + pixels.x[at], y as f32 + pixels.y[at]);
+            let is_hidden = (shows_red || shows_blue) && shows_red != really_red;
             self.hidden += usize::from(is_hidden);
-            regions.add((x, y), shows_red, is_hidden);
+            // The mean of a pixel that an undrawn edge crosses holds both.
+            regions.add((x, y), [!shows_blue, !shows_red], is_hidden);
         }
         for (x, y) in places() {
             let at = grid.at(x, y);
@@ -165,12 +161,14 @@ impl Tally {
             if pure {
                 self.wrong += usize::from(shows_red != red(x as f32 + 0.5, y as f32 + 0.5));
             }
+            if pure {
+                continue;
+            }
             match region {
-                [0, 0, _] => self.cut_off += 1,
-                [_, 0, _] | [0, _, _] if !pure => self.mixed.push((frame, x, y, colour)),
-                [0, _, _] | [_, 0, _] => {}
-                [_, _, 0] => self.astray.push((frame, x, y, colour)),
-                _ => self.spoilt += usize::from(!pure),
+                [0, 0, _] => {}
+                [_, 0, _] | [0, _, _] => self.mixed.push((frame, x, y, colour)),
+                [_, _, 0] => self.leaked.push((frame, x, y, colour)),
+                _ => self.spoilt += 1,
             }
         }
     }
@@ -178,16 +176,15 @@ impl Tally {
     fn line(&self) -> String {
         let percent = |part: usize, of: usize| 100.0 * part as f64 / of.max(1) as f64;
         format!(
-            "{} mixed, {} astray, {} far; hidden {:.3} % of samples; cut off {}, spoilt {:.3} %, wrong {:.3} % of empty pixels; first {:?} {:?} {:?}",
+            "{} mixed, {} leaked, {} far; {:.3} % of samples hidden; of empty pixels {:.3} % spoilt, {:.3} % wrong; first {:?} {:?} {:?}",
             self.mixed.len(),
-            self.astray.len(),
+            self.leaked.len(),
             self.far.len(),
             percent(self.hidden, self.samples),
-            self.cut_off,
             percent(self.spoilt, self.empty),
             percent(self.wrong, self.empty),
             self.mixed.first(),
-            self.astray.first(),
+            self.leaked.first(),
             self.far.first(),
         )
     }
@@ -242,9 +239,11 @@ impl Regions {
         node
     }
 
-    fn add(&mut self, pixel: (usize, usize), red: bool, hidden: bool) {
+    fn add(&mut self, pixel: (usize, usize), colours: [bool; 2], hidden: bool) {
         let root = self.root(self.node(pixel));
-        self.samples[root][usize::from(!red)] += 1;
+        for (count, has) in self.samples[root].iter_mut().zip(colours) {
+            *count += usize::from(has);
+        }
         self.samples[root][2] += usize::from(hidden);
     }
 
@@ -260,30 +259,94 @@ fn both_sides(red: &impl Fn(f32, f32) -> bool, x: f32, y: f32) -> bool {
     (-1..=9).any(|j| (-1..=9).any(|i| red(x + i as f32 / 8.0, y + j as f32 / 8.0) != first))
 }
 
-#[test]
-fn two_colours_meet_in_pixels_on_the_edge_alone() {
+/// What may go wrong with a shape, most in any run.
+struct Limits {
+    /// Pixels that mix colours through gaps in its edges, and pixels with an edge that mix colours beside it.
+    leaked: usize,
+    far: usize,
+    /// Shares of the empty pixels while the camera moves fast; none otherwise.
+    spoilt: f64,
+    wrong: f64,
+}
+
+#[track_caller]
+fn check(shape: &str, text: &str, limits: &Limits) {
+    let theatre = Theatre::new(&format!("{HEAD}{text}"));
     let mut broken = Vec::new();
-    for (shape, text) in [("sheet", SHEET), ("ring", RING), ("bars", BARS)] {
-        let theatre = Theatre::new(&format!("{HEAD}{text}"));
-        for (path, views) in paths() {
-            for share in [0.005, 0.02, 0.05, 0.2] {
-                let samples = (share * (SIZE_PX[0] * SIZE_PX[1]) as f32) as usize;
-                let mut tally = Tally::default();
-                theatre.play(
-                    Choices::default(),
-                    samples,
-                    &views,
-                    |frame, view, display| {
-                        tally.look(&theatre, frame, view, display);
-                    },
-                );
-                let line = format!("{shape} {path} {share}: {}", tally.line());
-                println!("{line}");
-                if !(tally.mixed.is_empty() && tally.far.is_empty() && tally.astray.is_empty()) {
-                    broken.push(line);
-                }
+    for (path, views) in paths() {
+        let slow = ["still", "creeping"].contains(&path);
+        for share in [0.005, 0.02, 0.05, 0.2] {
+            let samples = (share * (SIZE_PX[0] * SIZE_PX[1]) as f32) as usize;
+            let mut tally = Tally::default();
+            theatre.play(
+                Choices::default(),
+                samples,
+                &views,
+                |frame, view, display| {
+                    tally.look(&theatre, frame, view, display);
+                },
+            );
+            let line = format!("{shape}, {path}, {} %: {}", 100.0 * share, tally.line());
+            println!("{line}");
+            let within = |part: usize, limit: f64| {
+                part as f64
+                    <= if slow {
+                        0.0
+                    } else {
+                        limit * tally.empty as f64
+                    }
+            };
+            let kept = tally.mixed.is_empty()
+                && tally.leaked.len() <= limits.leaked
+                && tally.far.len() <= limits.far
+                && within(tally.spoilt, limits.spoilt)
+                && (share < 0.01 || within(tally.wrong, limits.wrong));
+            if !kept {
+                broken.push(line);
             }
         }
     }
     assert!(broken.is_empty(), "{}", broken.join("\n"));
+}
+
+#[test]
+fn the_colours_of_a_sheet_and_its_wall_meet_on_its_border_alone() {
+    check(
+        "sheet",
+        SHEET,
+        &Limits {
+            leaked: 0,
+            far: 0,
+            spoilt: 0.03,
+            wrong: 0.005,
+        },
+    );
+}
+
+#[test]
+fn the_colours_of_a_ring_and_its_wall_meet_on_its_outline_alone() {
+    check(
+        "ring",
+        RING,
+        &Limits {
+            leaked: 0,
+            far: 0,
+            spoilt: 0.03,
+            wrong: 0.005,
+        },
+    );
+}
+
+#[test]
+fn the_colours_of_bars_and_their_wall_meet_on_their_edges_alone() {
+    check(
+        "bars",
+        BARS,
+        &Limits {
+            leaked: 0,
+            far: 0,
+            spoilt: 0.03,
+            wrong: 0.005,
+        },
+    );
 }
