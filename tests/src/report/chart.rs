@@ -25,7 +25,7 @@ const SIZE_PX: (u32, u32) = (760, 460);
 pub enum Mark {
     /// Points joined by a line.
     Line,
-    /// Points with their names beside them.
+    /// Points with numbers beside them; [`Chart::named`] lists what they stand for.
     Named,
     /// A horizontal dashed line at the first point's height.
     Floor,
@@ -118,6 +118,15 @@ impl Chart {
             y_label: y_label.to_owned(),
             series: Vec::new(),
         }
+    }
+
+    /// Names of the points that have any, in the order of their numbers from 1.
+    pub fn named(&self) -> Vec<&str> {
+        let named = self.series.iter().filter(|s| s.mark == Mark::Named);
+        named
+            .flat_map(Series::drawable)
+            .map(|(_, _, name)| name.as_str())
+            .collect()
     }
 
     /// The points as a table for CSV.
@@ -220,12 +229,12 @@ fn draw_series(
         }
         Mark::Named => {
             let style = ("sans-serif", 11).into_font().color(&colour);
-            let text = |(x, y, name): &(f64, f64, String)| {
+            let text = |(i, (x, y, _)): (usize, &(f64, f64, String))| {
                 EmptyElement::at((*x, *y))
                     + TriangleMarker::new((0, 0), 5, colour.filled())
-                    + Text::new(name.clone(), (7, -5), style.clone())
+                    + Text::new((i + 1).to_string(), (7, -5), style.clone())
             };
-            chart.draw_series(series.drawable().into_iter().map(text))?
+            chart.draw_series(series.drawable().into_iter().enumerate().map(text))?
         }
         Mark::Floor => {
             let ends = places
@@ -304,12 +313,28 @@ mod tests {
             "<svg",
             "Error &amp; time",
             "ours",
-            "Mitsuba",
+            "rivals",
             "every pixel",
             "</svg>",
         ] {
             assert!(svg.contains(part), "{part} is missing in {svg}");
         }
+    }
+
+    #[test]
+    fn named_points_are_numbered_as_they_are_listed() {
+        let point = |x: f64, name: &str| (x, 0.1, name.to_owned());
+        let chart = chart(vec![Series::named(
+            "rivals",
+            [
+                point(28.0, "fast"),
+                point(-1.0, "nowhere"),
+                point(30.0, "slow"),
+            ],
+        )]);
+        assert_eq!(chart.named(), ["fast", "slow"]);
+        let svg = chart.to_svg().unwrap();
+        assert!(svg.contains("\n2\n") || svg.contains(">2<"), "{svg}");
     }
 
     #[test]

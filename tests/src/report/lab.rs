@@ -12,6 +12,9 @@ use super::page::Block;
 use super::runner::{Job, Method, Render, Run, RunError, Write};
 use crate::picture::{Picture, PictureError};
 
+/// Frames of a timed run that are not counted: buffers grow and the cache fills.
+pub const WARM_UP: usize = 3;
+
 /// How much is measured.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Settings {
@@ -31,8 +34,10 @@ pub struct Settings {
     pub path_size_px: [u32; 2],
     /// Samples a pixel of references along a path.
     pub path_reference_spp: u32,
-    /// Sizes at which stages are timed, with the number of frames.
+    /// Sizes at which stages are timed on one core, with the number of frames, [`WARM_UP`] included.
     pub timed: &'static [([u32; 2], u32)],
+    /// How many of these sizes, from the first, are timed on all cores too.
+    pub timed_on_all_cores: usize,
 }
 
 impl Settings {
@@ -44,10 +49,11 @@ impl Settings {
             settled_frames: None,
             reference_spp: 8,
             spp_steps: &[2],
-            path_shares: &[200, 1000],
-            path_size_px: [160, 160],
-            path_reference_spp: 2,
-            timed: &[([512, 512], 20), ([1920, 1080], 5), ([3840, 2160], 2)],
+            path_shares: &[200],
+            path_size_px: [128, 128],
+            path_reference_spp: 4,
+            timed: &[([512, 512], 13), ([1280, 720], 8)],
+            timed_on_all_cores: 1,
         }
     }
 
@@ -57,12 +63,13 @@ impl Settings {
             size_px: [512, 512],
             still_frames: 50,
             settled_frames: Some(400),
-            reference_spp: 256,
-            spp_steps: &[2, 4, 16],
-            path_shares: &[50, 100, 200, 500, 1000, 2000],
+            reference_spp: 16,
+            spp_steps: &[2, 8],
+            path_shares: &[50, 200, 1000],
             path_size_px: [256, 256],
-            path_reference_spp: 16,
-            timed: &[([512, 512], 60), ([1920, 1080], 30), ([3840, 2160], 15)],
+            path_reference_spp: 8,
+            timed: &[([512, 512], 33), ([1920, 1080], 10), ([3840, 2160], 8)],
+            timed_on_all_cores: 2,
         }
     }
 }
@@ -115,6 +122,11 @@ impl<'a> Lab<'a> {
         }
     }
 
+    /// Tells whoever waits how far it is.
+    pub fn say(&self, what: &str) {
+        eprintln!("[{:6.1} s] {what}", self.start.elapsed().as_secs_f64());
+    }
+
     /// Gives the runs of a section, from now on, this much time altogether.
     pub fn allow(&mut self, time: Duration) {
         self.section_end = Instant::now() + time;
@@ -142,11 +154,7 @@ impl<'a> Lab<'a> {
         let folder = self.work.join(format!("run-{}", self.started));
         self.started += 1;
         fs::create_dir_all(&folder)?;
-        eprintln!(
-            "[{:6.1} s] {}",
-            self.start.elapsed().as_secs_f64(),
-            describe(job)
-        );
+        self.say(&describe(job));
         let result = self
             .renderer
             .render(job, &folder, self.deadline)
@@ -154,6 +162,12 @@ impl<'a> Lab<'a> {
         if result.is_ok() {
             remove_pictures(&folder, keep)?;
         }
+        match &result {
+            Err(RunError::OutOfTime) => self.say("  ended: its time is over"),
+            Err(error) => self.say(&format!("  failed: {error}")),
+            Ok(_) => {}
+        }
+        // A run cut short may be asked for again by a section that has time left.
         if !matches!(result, Err(RunError::OutOfTime)) {
             self.runs.insert(job.clone(), result.clone());
         }

@@ -85,7 +85,8 @@ fn block_html(block: &Block) -> String {
         Block::Table(table) => table.to_html(),
         Block::Chart(chart) => match chart.to_svg() {
             Ok(svg) => format!(
-                "<figure>{svg}<figcaption><a href=\"{file}.csv\">CSV</a></figcaption></figure>\n",
+                "<figure>{svg}<figcaption>{names}<a href=\"{file}.csv\">CSV</a></figcaption></figure>\n",
+                names = numbered(&chart.named()),
                 file = escape(&chart.file),
             ),
             Err(error) => missing_html(&chart.title, &error),
@@ -98,6 +99,12 @@ fn block_html(block: &Block) -> String {
             Err(error) => missing_html(caption, &error),
         },
     }
+}
+
+/// What the numbers in a chart stand for.
+fn numbered(names: &[&str]) -> String {
+    let item = |(i, name): (usize, &&str)| format!("<b>{}</b> {} \u{b7} ", i + 1, escape(name));
+    names.iter().enumerate().map(item).collect()
 }
 
 fn missing_html(what: &str, error: &dyn std::error::Error) -> String {

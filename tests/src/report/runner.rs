@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 
 use thiserror::Error;
 
+use super::lab::WARM_UP;
 use super::stats::{self, FrameStats, StatsError};
 use crate::picture::{Picture, PictureError};
 
@@ -198,7 +199,8 @@ pub trait Render {
     /// Does `job` into the empty folder `folder`, giving up at `deadline`.
     ///
     /// # Errors
-    /// [`RunError`] says what went wrong; a run past its deadline is ended and gives [`RunError::OutOfTime`].
+    /// [`RunError`] says what went wrong. A run past its deadline is ended: one that writes pictures gives
+    /// [`RunError::OutOfTime`], one that only takes times what it has, if that is [`FEWEST_TIMED`] frames or more.
     fn render(&self, job: &Job, folder: &Path, deadline: Instant) -> Result<Run, RunError>;
 }
 
@@ -238,6 +240,7 @@ impl Renderer {
 
 impl Render for Renderer {
     fn render(&self, job: &Job, folder: &Path, deadline: Instant) -> Result<Run, RunError> {
+        let cut_short = |wall_ms| partial(job, folder, wall_ms).ok_or(RunError::OutOfTime);
         let (stats_file, log_file) = (folder.join("stats.jsonl"), folder.join("stderr.txt"));
         let args = job.args(folder, &stats_file);
         let log = fs::File::create(&log_file)?;
@@ -255,7 +258,7 @@ impl Render for Renderer {
             if Instant::now() >= deadline {
                 child.kill()?;
                 child.wait()?;
-                return Err(RunError::OutOfTime);
+                return cut_short(start.elapsed().as_secs_f64() * 1e3);
             }
             sleep(Duration::from_millis(2));
         };
@@ -290,6 +293,22 @@ impl Render for Renderer {
             wall_ms,
         })
     }
+}
+
+/// Fewest frames of a run cut short that are worth having: warm-up, and enough for a median.
+pub const FEWEST_TIMED: usize = WARM_UP + 5;
+
+/// What a run that only takes times had measured when it was ended.
+fn partial(job: &Job, folder: &Path, wall_ms: f64) -> Option<Run> {
+    let text = fs::read_to_string(folder.join("stats.jsonl")).ok()?;
+    let whole_lines = &text[..text.rfind('\n')? + 1];
+    let frames = stats::parse(whole_lines).ok()?;
+    let enough = job.write == Write::None && frames.len() >= FEWEST_TIMED;
+    enough.then(|| Run {
+        folder: folder.to_owned(),
+        frames,
+        wall_ms,
+    })
 }
 
 #[cfg(test)]
@@ -360,6 +379,21 @@ mod tests {
             error.contains("no such scene") && error.contains('2'),
             "{error}"
         );
+
+        let endless = script(
+            folder.path(),
+            &format!(
+                "while [ \"$1\" != --stats ]; do shift; done\n\
+                 for i in 1 2 3 4 5 6 7 8 9; do echo '{line}'; done > \"$2\"; printf '{{' >> \"$2\"; exec sleep 20"
+            ),
+        );
+        let timed = Job {
+            write: Write::None,
+            ..job()
+        };
+        let in_a_while = Instant::now() + Duration::from_millis(500);
+        let run = endless.render(&timed, folder.path(), in_a_while).unwrap();
+        assert_eq!(run.frames.len(), 9);
 
         let slow = script(folder.path(), "exec sleep 20");
         let error = slow

@@ -1,6 +1,6 @@
 //! What a frame holds: edges, pixel classes, samples.
 
-use super::stages::timed_runs;
+use super::stages::{counted, timed_runs};
 use super::{Lab, Section};
 use crate::report::lab::or_missing;
 use crate::report::page::Block;
@@ -34,14 +34,14 @@ fn measure(lab: &mut Lab) -> Vec<Block> {
     let caption = "Medians over the frames of the stage timings on one core.";
     let mut table = Table::new("counts", caption, &COLUMNS);
     for case in lab.cases.clone() {
-        for (size, run) in timed_runs(lab, &case, Some(1)) {
+        for (size, run) in timed_runs(lab, &case, 1, usize::MAX) {
             let what = format!("{}, {}x{}", case.name, size[0], size[1]);
             let Some(run) = or_missing(&mut blocks, &what, run) else {
                 continue;
             };
             let pixels = f64::from(size[0]) * f64::from(size[1]);
             let middle =
-                |get: fn(&FrameStats) -> u64| median(run.frames.iter().map(|f| get(f) as f64));
+                |get: fn(&FrameStats) -> u64| median(counted(&run).iter().map(|f| get(f) as f64));
             let count = |get| format!("{:.0}", middle(get));
             let percent = |get| format!("{:.2}", 100.0 * middle(get) / pixels);
             table.row([
