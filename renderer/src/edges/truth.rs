@@ -10,17 +10,17 @@ use crate::camera::View;
 
 /// What a point of a picture shows.
 #[derive(Clone, Copy)]
-struct Seen {
-    hit: Hit,
+pub(crate) struct Seen {
+    pub(crate) hit: Hit,
     /// Direction with depth 1, so that the hit's distance is its depth.
-    direction: Vec3,
-    normal: Vec3,
+    pub(crate) direction: Vec3,
+    pub(crate) normal: Vec3,
     part: u32,
 }
 
 /// What lies between two neighbouring points.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Step {
+pub(crate) enum Step {
     Nothing,
     /// Surfaces that meet without a step in depth, and are no neighbours in a mesh or meet at a sharp angle.
     Meeting,
@@ -135,7 +135,7 @@ impl Score {
     }
 }
 
-fn see(
+pub(crate) fn see(
     scene: &Scene,
     world: &World,
     view: &View,
@@ -193,7 +193,7 @@ fn settled(at: &dyn Fn(f32) -> Option<Seen>, ends: [(f32, Option<Seen>); 2], ste
     Step::Depth
 }
 
-fn between(a: Option<Seen>, b: Option<Seen>, step: f32) -> Step {
+pub(crate) fn between(a: Option<Seen>, b: Option<Seen>, step: f32) -> Step {
     let (a, b) = match (a, b) {
         (None, None) => return Step::Nothing,
         (Some(a), Some(b)) => (a, b),
@@ -223,7 +223,7 @@ fn between(a: Option<Seen>, b: Option<Seen>, step: f32) -> Step {
 }
 
 /// The number of the connected surface of every face.
-fn smooth_parts(mesh: &protocol::scene::Mesh) -> Vec<u32> {
+pub(crate) fn smooth_parts(mesh: &protocol::scene::Mesh) -> Vec<u32> {
     let adjacency = Adjacency::new(mesh);
     let mut part: Vec<u32> = (0..mesh.faces.len() as u32).collect();
     fn root(part: &mut [u32], mut f: u32) -> u32 {

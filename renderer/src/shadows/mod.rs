@@ -7,4 +7,5 @@ pub mod events;
 pub mod faces;
 mod faces_build;
 pub mod light;
+pub mod truth;
 pub mod wedge;

@@ -1,4 +1,7 @@
-//! Surfaces in one plane: which of them is seen never changes.
+//! Equal surfaces in one place: which of them is seen never changes, since equal distances go to the smaller instance.
+//!
+//! Surfaces in one plane that are cut into other triangles, or brought there by another transform, differ by rounding, and
+//! which of them is seen changes from ray to ray.
 
 use glam::Vec3;
 use rays::{Ray, World};
@@ -93,14 +96,4 @@ fn check(second: &str) {
 #[test]
 fn of_two_equal_squares_the_first_is_always_seen() {
     check("generate = { kind = \"plane\", size = [2, 2] }");
-}
-
-#[test]
-fn of_squares_cut_differently_the_first_is_always_seen() {
-    check("generate = { kind = \"plane\", size = [2, 2], cells = [3, 5] }");
-}
-
-#[test]
-fn of_a_square_and_one_scaled_to_it_the_first_is_always_seen() {
-    check("generate = { kind = \"plane\", size = [0.6, 0.6] }\nscale = 3.3333333");
 }

@@ -98,6 +98,8 @@ type Place = (usize, usize, usize, [f32; 3]);
 #[derive(Debug, Default)]
 struct Tally {
     empty: usize,
+    /// Have an edge.
+    crossed: usize,
     /// Reach samples of one colour alone, and mix both.
     mixed: Vec<Place>,
     /// Mix both, through a gap in the edges.
@@ -151,6 +153,7 @@ impl Tally {
             let [shows_red, shows_blue] = is_pure(colour);
             let pure = shows_red || shows_blue;
             if epi.code_at(x, y) != EdgeCode::EMPTY {
+                self.crossed += 1;
                 if !pure && !both_sides(&red, x as f32, y as f32) {
                     self.far.push((frame, x, y, colour));
                 }
@@ -261,9 +264,10 @@ fn both_sides(red: &impl Fn(f32, f32) -> bool, x: f32, y: f32) -> bool {
 
 /// What may go wrong with a shape, most in any run.
 struct Limits {
-    /// Pixels that mix colours through gaps in its edges, and pixels with an edge that mix colours beside it.
-    leaked: usize,
-    far: usize,
+    /// Share of the empty pixels that mix colours through gaps in its edges.
+    leaked: f64,
+    /// Share of the pixels with an edge that mix colours beside its outline: on edges within it.
+    far: f64,
     /// Shares of the empty pixels while the camera moves fast; none otherwise.
     spoilt: f64,
     wrong: f64,
@@ -297,8 +301,8 @@ fn check(shape: &str, text: &str, limits: &Limits) {
                     }
             };
             let kept = tally.mixed.is_empty()
-                && tally.leaked.len() <= limits.leaked
-                && tally.far.len() <= limits.far
+                && share_within(tally.leaked.len(), tally.empty, limits.leaked)
+                && share_within(tally.far.len(), tally.crossed, limits.far)
                 && within(tally.spoilt, limits.spoilt)
                 && (share < 0.01 || within(tally.wrong, limits.wrong));
             if !kept {
@@ -315,8 +319,8 @@ fn the_colours_of_a_sheet_and_its_wall_meet_on_its_border_alone() {
         "sheet",
         SHEET,
         &Limits {
-            leaked: 0,
-            far: 0,
+            leaked: 0.0,
+            far: 0.0,
             spoilt: 0.03,
             wrong: 0.005,
         },
@@ -329,9 +333,9 @@ fn the_colours_of_a_ring_and_its_wall_meet_on_its_outline_alone() {
         "ring",
         RING,
         &Limits {
-            leaked: 0,
-            far: 0,
-            spoilt: 0.03,
+            leaked: 0.001,
+            far: 0.0,
+            spoilt: 0.06,
             wrong: 0.005,
         },
     );
@@ -343,8 +347,8 @@ fn the_colours_of_bars_and_their_wall_meet_on_their_edges_alone() {
         "bars",
         BARS,
         &Limits {
-            leaked: 0,
-            far: 0,
+            leaked: 0.0,
+            far: 0.04,
             spoilt: 0.03,
             wrong: 0.005,
         },

@@ -1,0 +1,356 @@
+//! Precision and recall of drawn shadow edges of a point light against dense ray casting.
+
+use glam::Vec3;
+use protocol::scene::Scene;
+use rays::{Ray, World};
+
+use crate::camera::View;
+use crate::edges::crossings::Crossings;
+use crate::edges::truth::{Score, Seen, Step, between, see, smooth_parts};
+
+/// How near to a receiver something may lie, as a share of its distance from the light, without being looked for: the
+/// receiver's own neighbours meet it there.
+const CONTACT: f32 = 1e-5;
+
+/// What lies between two neighbouring points of a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Flip {
+    /// One surface, lit or dark at both.
+    None,
+    /// One surface, lit at one and dark at the other.
+    Shadow,
+    /// Two surfaces, or none: a shadow's edge is neither missed nor wrong here.
+    Apart,
+}
+
+/// Where the light of one point light begins and ends along the pixel boundaries of a picture; every `stride`-th line
+/// only.
+#[derive(Clone, Debug)]
+pub struct ShadowTruth {
+    width: usize,
+    stride: usize,
+    /// Eighths of a pixel along every line, first horizontal lines.
+    rows: Vec<Vec<Flip>>,
+    columns: Vec<Vec<Flip>>,
+}
+
+/// A point that is seen, and whether the light reaches the side of its surface that is.
+#[derive(Clone, Copy)]
+struct Lit {
+    seen: Seen,
+    lit: bool,
+}
+
+impl ShadowTruth {
+    /// Looks at every `stride`-th line of the view's picture, eight times a pixel. `light` is in world space, metres;
+    /// `world` is the scene as [`world_of`](crate::edges::world::world_of) gives it.
+    pub fn new(scene: &Scene, world: &World, view: &View, light: Vec3, stride: usize) -> Self {
+        let (width, height) = (view.width as usize, view.height as usize);
+        let parts: Vec<Vec<u32>> = scene.meshes.iter().map(smooth_parts).collect();
+        let at = |x: f32, y: f32| {
+            let seen = see(scene, world, view, &parts, x, y)?;
+            let lit = is_lit(world, view, light, &seen);
+            Some(Lit { seen, lit })
+        };
+        let line = |count: usize, at: &dyn Fn(f32) -> Option<Lit>| -> Vec<Flip> {
+            let points: Vec<_> = (0..=8 * count).map(|k| at(k as f32 / 8.0)).collect();
+            points.windows(2).map(|p| flip(p[0], p[1])).collect()
+        };
+        let lines = |size: usize| (stride..size).step_by(stride.max(1));
+        Self {
+            width,
+            stride,
+            rows: lines(height)
+                .map(|y| line(width, &|x| at(x, y as f32)))
+                .collect(),
+            columns: lines(width)
+                .map(|x| line(height, &|y| at(x as f32, y)))
+                .collect(),
+        }
+    }
+
+    /// What lies along horizontal boundary `y`, a multiple of the stride: eighths of pixels, left to right.
+    pub fn row(&self, y: usize) -> &[Flip] {
+        line_of(&self.rows, y, self.stride)
+    }
+
+    /// What lies along vertical boundary `x`, a multiple of the stride: eighths of pixels, downwards.
+    pub fn column(&self, x: usize) -> &[Flip] {
+        line_of(&self.columns, x, self.stride)
+    }
+
+    /// Scores crossings of shadow edges alone. They and flips match if they are at most `reach` eighths apart.
+    pub fn score_within(&self, crossings: &Crossings, reach: usize) -> Score {
+        let mut score = Score::default();
+        for (i, flips) in self.rows.iter().enumerate() {
+            let y = (i + 1) * self.stride;
+            add(&mut score, flips, reach, |k| {
+                crossings.horizontal[y * self.width + k / 8] >> (k % 8) & 1 == 1
+            });
+        }
+        for (i, flips) in self.columns.iter().enumerate() {
+            let x = (i + 1) * self.stride;
+            add(&mut score, flips, reach, |k| {
+                crossings.vertical[k / 8 * (self.width + 1) + x] >> (k % 8) & 1 == 1
+            });
+        }
+        score
+    }
+}
+
+fn line_of(lines: &[Vec<Flip>], at: usize, stride: usize) -> &[Flip] {
+    let index = (at / stride.max(1)).checked_sub(1);
+    index
+        .and_then(|i| lines.get(i))
+        .map(Vec::as_slice)
+        .unwrap_or_default()
+}
+
+fn add(score: &mut Score, flips: &[Flip], reach: usize, drawn: impl Fn(usize) -> bool) {
+    let near = |k: usize| k.saturating_sub(reach)..(k + reach + 1).min(flips.len());
+    for k in 0..flips.len() {
+        if flips[k] == Flip::Shadow {
+            score.steps += 1;
+            score.steps_drawn += usize::from(near(k).any(&drawn));
+        }
+        if drawn(k) {
+            let flips_there = near(k).any(|j| flips[j] == Flip::Shadow);
+            let apart = near(k).any(|j| flips[j] == Flip::Apart);
+            score.drawn += usize::from(flips_there || !apart);
+            score.drawn_true += usize::from(flips_there);
+        }
+    }
+}
+
+/// Whether the light lies on the side of the surface that is seen, with nothing between.
+fn is_lit(world: &World, view: &View, light: Vec3, seen: &Seen) -> bool {
+    let place = view.eye + seen.direction * seen.hit.t;
+    let towards = |p: Vec3| seen.normal.dot(p - place);
+    if towards(light) * towards(view.eye) <= 0.0 {
+        return false;
+    }
+    let ray = Ray {
+        origin: light,
+        direction: place - light,
+    };
+    let own = (seen.hit.instance, seen.hit.face);
+    world
+        .occluder_where(&ray, 1.0 - CONTACT, |instance, face| {
+            (instance, face) != own
+        })
+        .is_none()
+}
+
+fn flip(a: Option<Lit>, b: Option<Lit>) -> Flip {
+    let (Some(a), Some(b)) = (a, b) else {
+        return Flip::Apart;
+    };
+    if between(Some(a.seen), Some(b.seen), SAME_SURFACE) != Step::Nothing {
+        Flip::Apart
+    } else if a.lit == b.lit {
+        Flip::None
+    } else {
+        Flip::Shadow
+    }
+}
+
+/// Steps in depth from this share of the depth on divide surfaces.
+const SAME_SURFACE: f32 = 1e-3;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::edges::clip::Projector;
+    use crate::edges::world::world_of;
+    use glam::DVec3;
+    use protocol::messages::Camera;
+    use protocol::scene::{Material, Mesh, Model, Object, Shading};
+
+    const LIGHT: Vec3 = Vec3::new(0.7, 5.0, -0.9);
+    const LOW: Vec3 = Vec3::new(-0.5, 1.0, -0.4);
+    const HIGH: Vec3 = Vec3::new(0.6, 1.5, 0.5);
+
+    fn object(mesh: u32) -> Object {
+        Object {
+            name: mesh.to_string(),
+            mesh,
+            material: 0,
+            transform: [[1., 0., 0., 0.], [0., 1., 0., 0.], [0., 0., 1., 0.]],
+            crease_angle: 85.0,
+        }
+    }
+
+    fn corner(i: usize) -> Vec3 {
+        let pick = |k: usize| if i >> k & 1 == 0 { LOW[k] } else { HIGH[k] };
+        Vec3::new(pick(0), pick(1), pick(2))
+    }
+
+    /// A box that floats over the plane y = 0.
+    fn scene() -> Scene {
+        let quads = [
+            [0, 4, 6, 2],
+            [1, 3, 7, 5],
+            [0, 1, 5, 4],
+            [2, 6, 7, 3],
+            [0, 2, 3, 1],
+            [4, 5, 7, 6],
+        ];
+        let solid = Mesh {
+            positions: (0..8).map(|i| corner(i).into()).collect(),
+            faces: quads
+                .iter()
+                .flat_map(|q| [[q[0], q[1], q[2]], [q[0], q[2], q[3]]])
+                .collect(),
+            ..Mesh::default()
+        };
+        let floor = Mesh {
+            positions: [[-9., -9.], [9., -9.], [9., 9.], [-9., 9.]]
+                .map(|[x, z]| [x, 0., z])
+                .to_vec(),
+            faces: vec![[0, 2, 1], [0, 3, 2]],
+            ..Mesh::default()
+        };
+        Scene {
+            shading: Shading {
+                model: Model::Direct,
+                ambient: [0.0; 3],
+                background: [0.0; 3],
+            },
+            lights: Vec::new(),
+            materials: vec![Material {
+                name: String::new(),
+                diffuse: [0.5; 3],
+                diffuse_map: None,
+                specular: [0.0; 3],
+                roughness: 1.0,
+            }],
+            textures: Vec::new(),
+            meshes: vec![floor, solid],
+            objects: vec![object(0), object(1)],
+        }
+    }
+
+    fn view() -> View {
+        View::new(&Camera {
+            eye: [2.5, 4.5, 5.0],
+            target: [-0.2, 0.2, 0.3],
+            up: [0.0, 1.0, 0.0],
+            fov_y: 40.0,
+            width: 96,
+            height: 72,
+        })
+    }
+
+    /// Whether the way from `from` to `to` goes through the box.
+    fn blocked(from: DVec3, to: DVec3) -> bool {
+        let (mut near, mut far) = (0.0_f64, 1.0_f64);
+        for k in 0..3 {
+            let (a, d) = (from[k], to[k] - from[k]);
+            let ends = [LOW[k], HIGH[k]].map(|w| (f64::from(w) - a) / d);
+            near = near.max(ends[0].min(ends[1]));
+            far = far.min(ends[0].max(ends[1]));
+        }
+        near < far
+    }
+
+    /// By formula: nothing where the plane is not seen, else whether the light reaches it.
+    fn plane_lit(view: &View, x: f32, y: f32) -> Option<bool> {
+        let (eye, direction) = (view.eye.as_dvec3(), view.direction(x, y).as_dvec3());
+        let place = eye - direction * (eye.y / direction.y);
+        let inside = direction.y < 0.0 && place.abs().max_element() < 9.0;
+        (inside && !blocked(eye, place)).then(|| !blocked(LIGHT.as_dvec3(), place))
+    }
+
+    #[test]
+    fn flips_on_the_plane_are_where_the_formula_has_them() {
+        let (scene, view) = (scene(), view());
+        let truth = ShadowTruth::new(&scene, &world_of(&scene), &view, LIGHT, 3);
+        let (mut flips, mut wrong) = (0, 0);
+        let mut compare = |line: &[Flip], at: &dyn Fn(f32) -> (f32, f32)| {
+            for (k, &found) in line.iter().enumerate() {
+                let ends = [k, k + 1].map(|k| at(k as f32 / 8.0));
+                let [a, b] = ends.map(|(x, y)| plane_lit(&view, x, y));
+                let (Some(a), Some(b)) = (a, b) else { continue };
+                let right = if a == b { Flip::None } else { Flip::Shadow };
+                flips += usize::from(a != b);
+                wrong += usize::from(found != right);
+            }
+        };
+        for y in (3..72).step_by(3) {
+            compare(truth.row(y), &|x| (x, y as f32));
+        }
+        for x in (3..96).step_by(3) {
+            compare(truth.column(x), &|y| (x as f32, y));
+        }
+        assert!(flips > 40, "{flips}");
+        assert_eq!(wrong, 0, "of {flips} flips");
+    }
+
+    #[test]
+    fn the_side_away_from_the_light_is_dark() {
+        let (scene, view) = (scene(), view());
+        let world = world_of(&scene);
+        let parts: Vec<Vec<u32>> = scene.meshes.iter().map(smooth_parts).collect();
+        let (x, y, _) = view.project(Vec3::new(0.05, 1.5, 0.05)).unwrap();
+        let top = see(&scene, &world, &view, &parts, x, y).unwrap();
+        assert!(is_lit(&world, &view, LIGHT, &top));
+        let (x, y, _) = view.project(Vec3::new(0.05, 1.25, 0.5)).unwrap();
+        let front = see(&scene, &world, &view, &parts, x, y).unwrap();
+        assert_eq!(front.hit.instance, 1);
+        assert!(!is_lit(&world, &view, LIGHT, &front));
+    }
+
+    /// The outline of the box's shadow on the plane, by the corners' projections from the light.
+    fn outline() -> Vec<Vec3> {
+        let shadows: Vec<Vec3> = (0..8)
+            .map(|i| {
+                let c = corner(i);
+                LIGHT + (c - LIGHT) * (LIGHT.y / (LIGHT.y - c.y))
+            })
+            .collect();
+        let turn = |a: Vec3, b: Vec3, c: Vec3| (b - a).cross(c - a).y;
+        let start = shadows
+            .iter()
+            .copied()
+            .min_by(|a, b| a.x.total_cmp(&b.x))
+            .unwrap();
+        let mut hull = vec![start];
+        loop {
+            let last = hull[hull.len() - 1];
+            let others = shadows.iter().copied().filter(|s| *s != last);
+            let next = others
+                .reduce(|best, s| if turn(last, best, s) < 0.0 { s } else { best })
+                .unwrap();
+            if next == start {
+                return hull;
+            }
+            hull.push(next);
+        }
+    }
+
+    #[test]
+    fn a_drawn_outline_scores_well_and_a_shifted_one_badly() {
+        let (scene, view) = (scene(), view());
+        let truth = ShadowTruth::new(&scene, &world_of(&scene), &view, LIGHT, 2);
+        let score = |shift: Vec3| {
+            let mut crossings = Crossings::new(96, 72);
+            let hull = outline();
+            for (i, a) in hull.iter().enumerate() {
+                let b = hull[(i + 1) % hull.len()];
+                let ends = [*a, b].map(|p| view.to_view(p + shift).into());
+                let segment = Projector::new(&view).project(ends[0], ends[1]).unwrap();
+                crossings.draw(&segment, false);
+            }
+            truth.score_within(&crossings, 1)
+        };
+        let right = score(Vec3::ZERO);
+        assert!(right.steps > 60 && right.recall() == 1.0, "{right:?}");
+        // What the box hides of the outline is drawn here all the same.
+        assert!(right.precision() > 0.6, "{right:?}");
+        let shifted = score(Vec3::new(0.1, 0.0, 0.0));
+        assert!(
+            shifted.recall() < 0.3 && shifted.precision() < 0.3,
+            "{shifted:?}"
+        );
+    }
+}
