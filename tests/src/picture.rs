@@ -87,6 +87,19 @@ impl Picture {
         )
     }
 
+    /// Width and height in pixels of the picture in a file, by its head alone.
+    ///
+    /// # Errors
+    /// [`PictureError::Read`] when the file is missing or is no picture.
+    pub fn size_px_of(path: &Path) -> Result<[u32; 2], PictureError> {
+        let (width, height) =
+            image::image_dimensions(path).map_err(|source| PictureError::Read {
+                path: path.to_owned(),
+                source,
+            })?;
+        Ok([width, height])
+    }
+
     /// Width and height in pixels.
     pub fn size_px(&self) -> [u32; 2] {
         self.size_px

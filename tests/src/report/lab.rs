@@ -149,6 +149,7 @@ impl<'a> Lab<'a> {
             return known.clone();
         }
         if Instant::now() >= self.deadline {
+            self.say(&format!("left out, no time: {}", describe(job)));
             return Err(RunError::OutOfTime);
         }
         let folder = self.work.join(format!("run-{}", self.started));
@@ -180,7 +181,7 @@ impl<'a> Lab<'a> {
     /// [`PictureError`] when the independent picture cannot be read.
     pub fn still_job(&self, case: &Case, method: Method, frames: u32) -> Result<Job, PictureError> {
         let size_px = match &case.picture {
-            Some(path) => Picture::open(path)?.size_px(),
+            Some(path) => Picture::size_px_of(path)?,
             None => self.settings.size_px,
         };
         Ok(Job {

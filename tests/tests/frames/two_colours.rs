@@ -292,13 +292,10 @@ fn check(shape: &str, text: &str, limits: &Limits) {
             );
             let line = format!("{shape}, {path}, {} %: {}", 100.0 * share, tally.line());
             println!("{line}");
+            let share_within =
+                |part: usize, of: usize, limit: f64| part as f64 <= limit * of as f64;
             let within = |part: usize, limit: f64| {
-                part as f64
-                    <= if slow {
-                        0.0
-                    } else {
-                        limit * tally.empty as f64
-                    }
+                share_within(part, tally.empty, if slow { 0.0 } else { limit })
             };
             let kept = tally.mixed.is_empty()
                 && share_within(tally.leaked.len(), tally.empty, limits.leaked)
