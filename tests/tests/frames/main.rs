@@ -1,6 +1,5 @@
 //! Whole frames of small scenes whose right colours are known exactly, the shader in the same process.
 
-mod blocks;
 mod coincident;
 mod drive;
 mod two_colours;
