@@ -60,6 +60,7 @@ pub(crate) enum ModelName {
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct LightTable {
+    pub(crate) name: Option<String>,
     pub(crate) kind: LightKind,
     pub(crate) position: Option<[f32; 3]>,
     pub(crate) from: Option<[f32; 3]>,
@@ -152,14 +153,31 @@ pub(crate) struct PathTable {
     pub(crate) seconds: f32,
     #[serde(default)]
     pub(crate) open: bool,
+    #[serde(default)]
+    pub(crate) step: bool,
+    pub(crate) object: Option<String>,
+    pub(crate) light: Option<LightRef>,
     pub(crate) keys: Vec<KeyTable>,
 }
 
+/// Which light moves.
+#[derive(Debug, Deserialize)]
+#[serde(untagged, expecting = "expected a light's name or its number, from 0")]
+pub(crate) enum LightRef {
+    Number(u32),
+    Name(String),
+}
+
+/// A key of the camera's path, or of an object's, or of a light's.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct KeyTable {
-    pub(crate) eye: [f32; 3],
-    pub(crate) target: [f32; 3],
+    pub(crate) eye: Option<[f32; 3]>,
+    pub(crate) target: Option<[f32; 3]>,
+    pub(crate) translate: Option<[f32; 3]>,
+    pub(crate) rotate: Option<[f32; 3]>,
+    pub(crate) scale: Option<Scale>,
+    pub(crate) power: Option<f32>,
 }
 
 fn up() -> [f32; 3] {

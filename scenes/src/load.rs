@@ -7,10 +7,12 @@ use protocol::scene::{Light, Model, Scene, Shading};
 
 use crate::assemble::Assembler;
 use crate::error::{ErrorKind, SceneError};
-use crate::format::{CameraTable, ModelName, PathTable, SceneFile};
+use crate::format::{CameraTable, ModelName, SceneFile};
 use crate::lights::{color, finite, light};
 use crate::loaders;
-use crate::path::{CameraPath, PathKey};
+use crate::motion::Motion;
+use crate::path::CameraPath;
+use crate::paths::{Paths, Subjects};
 use crate::report::LoadReport;
 
 /// Where the camera starts. The picture's size is no part of a scene.
@@ -33,8 +35,10 @@ pub struct LoadedScene {
     pub scene: Scene,
     /// Where the camera starts.
     pub camera: CameraSpec,
-    /// Ways through the scene, in file order.
+    /// Ways of the camera through the scene, in file order.
     pub paths: Vec<CameraPath>,
+    /// Paths of objects and lights, in file order.
+    pub motions: Vec<Motion>,
     /// What was odd about the geometry.
     pub report: LoadReport,
 }
@@ -115,24 +119,20 @@ pub(crate) fn load_text(text: &str, file: &Path) -> Result<LoadedScene, SceneErr
         Some(c) => camera(c.get_ref()).map_err(at(c.span().start))?,
         None => frame(&scene),
     };
-    let mut paths: Vec<CameraPath> = Vec::new();
+    let names = table.light.iter().map(|l| l.get_ref().name.as_deref());
+    let subjects = Subjects::new(&scene, names.collect());
+    let mut paths = Paths::default();
     for p in &table.path {
-        let fail = at(p.span().start);
-        let path = camera_path(p.get_ref()).map_err(fail)?;
-        if paths.iter().any(|q| q.name == path.name) {
-            let problem = format!("two paths are called {:?}", path.name);
-            return Err(fail(ErrorKind::value(
-                "path.name",
-                problem,
-                "give each its own name",
-            )));
-        }
-        paths.push(path);
+        paths
+            .add(p.get_ref(), &subjects)
+            .map_err(at(p.span().start))?;
     }
+    let Paths { cameras, motions } = paths;
     Ok(LoadedScene {
         scene,
         camera,
-        paths,
+        paths: cameras,
+        motions,
         report,
     })
 }
@@ -149,6 +149,7 @@ fn load_mesh(path: &Path) -> Result<LoadedScene, SceneError> {
         scene,
         camera,
         paths: Vec::new(),
+        motions: Vec::new(),
         report,
     })
 }
@@ -197,45 +198,6 @@ fn check_view(key: &str, eye: [f32; 3], target: [f32; 3], up: [f32; 3]) -> Resul
         ));
     }
     Ok(())
-}
-
-fn camera_path(table: &PathTable) -> Result<CameraPath, ErrorKind> {
-    if !(table.seconds > 0.0 && table.seconds.is_finite()) {
-        let problem = format!("{} is no time", table.seconds);
-        return Err(ErrorKind::value(
-            "path.seconds",
-            problem,
-            "write a number greater than 0",
-        ));
-    }
-    let least = if table.open { 2 } else { 3 };
-    if table.keys.len() < least {
-        let problem = format!("{} keys are too few", table.keys.len());
-        let remedy = "an open path needs at least 2, a closed one 3";
-        return Err(ErrorKind::value("path.keys", problem, remedy));
-    }
-    let mut keys = Vec::with_capacity(table.keys.len());
-    for (i, k) in table.keys.iter().enumerate() {
-        let name = format!("path.keys[{i}]");
-        let key = PathKey {
-            eye: finite(&format!("{name}.eye"), k.eye)?,
-            target: finite(&format!("{name}.target"), k.target)?,
-        };
-        if key.eye == key.target {
-            return Err(ErrorKind::value(
-                name,
-                "the target is where the eye is",
-                "move one of them",
-            ));
-        }
-        keys.push(key);
-    }
-    Ok(CameraPath {
-        name: table.name.clone(),
-        seconds: table.seconds,
-        open: table.open,
-        keys,
-    })
 }
 
 /// World bounds of all objects, lowest and highest corner; a unit cube if there is nothing.

@@ -1,6 +1,4 @@
-//! Camera paths: closed or open Catmull-Rom splines through their keys.
-
-use glam::Vec3;
+//! Paths: closed or open Catmull-Rom splines through their keys, or steps from key to key; and those of the camera.
 
 /// Where the camera is and what it looks at, world space, metres.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -11,8 +9,81 @@ pub struct PathKey {
     pub target: [f32; 3],
 }
 
-/// A named way through the scene: a uniform Catmull-Rom spline, so it passes through every key, and each stretch between
-/// two keys takes as long as any other.
+/// How a path's time runs from key to key.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Timing {
+    /// Time for the whole of it, seconds, positive.
+    pub seconds: f32,
+    /// If true it ends at the last key, else it returns to the first.
+    pub open: bool,
+    /// If true each key is held for an equal time, and the next one follows at once.
+    pub step: bool,
+}
+
+/// One of the four keys that a piece of a spline is made from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Near {
+    Key(usize),
+    /// Beyond an open path's end: the key at the end, and its neighbour to be mirrored in it.
+    Mirrored {
+        end: usize,
+        inner: usize,
+    },
+}
+
+impl Near {
+    pub(crate) fn value<const N: usize>(self, key: impl Fn(usize) -> [f32; N]) -> [f32; N] {
+        match self {
+            Self::Key(i) => key(i),
+            Self::Mirrored { end, inner } => {
+                let (a, b) = (key(end), key(inner));
+                std::array::from_fn(|k| 2.0 * a[k] - b[k])
+            }
+        }
+    }
+}
+
+impl Timing {
+    /// The keys about a moment and how far it is between the middle two, 0 to 1; nothing if there are fewer than two keys.
+    pub(crate) fn keys_near(&self, n: usize, seconds: f32) -> Option<([Near; 4], f32)> {
+        if n < 2 {
+            return None;
+        }
+        let t = seconds / self.seconds;
+        let t = if !t.is_finite() {
+            0.0
+        } else if self.open {
+            t.clamp(0.0, 1.0)
+        } else {
+            t.rem_euclid(1.0)
+        };
+        if self.step {
+            let index = ((t * n as f32) as usize).min(n - 1);
+            return Some(([Near::Key(index); 4], 0.0));
+        }
+        let stretches = if self.open { n - 1 } else { n };
+        let along = t * stretches as f32;
+        let index = (along as usize).min(stretches - 1);
+        let near = [0, 1, 2, 3].map(|i| self.key_near(n, index + i));
+        Some((near, along - index as f32))
+    }
+
+    /// Key `after` less one, going round or mirrored beyond the ends.
+    fn key_near(&self, n: usize, after: usize) -> Near {
+        match (self.open, after) {
+            (true, 0) => Near::Mirrored { end: 0, inner: 1 },
+            (true, k) if k > n => Near::Mirrored {
+                end: n - 1,
+                inner: n - 2,
+            },
+            (true, k) => Near::Key(k - 1),
+            (false, k) => Near::Key((k + n - 1) % n),
+        }
+    }
+}
+
+/// A named way of the camera through the scene: a uniform Catmull-Rom spline, so it passes through every key, and each
+/// stretch between two keys takes as long as any other.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CameraPath {
     /// What `--path` calls it.
@@ -21,6 +92,8 @@ pub struct CameraPath {
     pub seconds: f32,
     /// If true it ends at the last key, else it returns to the first.
     pub open: bool,
+    /// If true each key is held for an equal time: the camera jumps.
+    pub step: bool,
     /// At least two if open, at least three if closed.
     pub keys: Vec<PathKey>,
 }
@@ -29,28 +102,28 @@ impl CameraPath {
     /// The camera at `t`: 0 is the first key; 1 is the first key again, or the last if the path is open. A closed path
     /// repeats outside [0, 1), an open one stays at its ends.
     pub fn at(&self, t: f32) -> PathKey {
-        let n = self.keys.len();
-        if n < 2 {
+        let timing = Timing {
+            seconds: 1.0,
+            open: self.open,
+            step: self.step,
+        };
+        let Some((near, u)) = timing.keys_near(self.keys.len(), t) else {
             return self.keys.first().copied().unwrap_or(PathKey {
                 eye: [0.0; 3],
                 target: [0.0, 0.0, -1.0],
             });
-        }
-        let stretches = if self.open { n - 1 } else { n };
-        let t = if !t.is_finite() {
-            0.0
-        } else if self.open {
-            t.clamp(0.0, 1.0)
-        } else {
-            t.rem_euclid(1.0)
         };
-        let along = t * stretches as f32;
-        let index = (along as usize).min(stretches - 1);
-        let u = along - index as f32;
-        let near = [0, 1, 2, 3].map(|i| self.key_near(index, i));
+        let corners = near.map(|key| {
+            key.value(|i| {
+                let ([a, b, c], [d, e, f]) = (self.keys[i].eye, self.keys[i].target);
+                [a, b, c, d, e, f]
+            })
+        });
+        let [a, b, c, d, e, f] =
+            std::array::from_fn(|k| catmull_rom(corners.map(|values| values[k]), u));
         PathKey {
-            eye: catmull_rom(near.map(|k| k.eye), u),
-            target: catmull_rom(near.map(|k| k.target), u),
+            eye: [a, b, c],
+            target: [d, e, f],
         }
     }
 
@@ -58,32 +131,14 @@ impl CameraPath {
     pub fn at_seconds(&self, seconds: f32) -> PathKey {
         self.at(seconds / self.seconds)
     }
-
-    /// Key `index + i - 1`, going round or mirrored beyond the ends.
-    fn key_near(&self, index: usize, i: usize) -> PathKey {
-        let n = self.keys.len();
-        let mirrored = |end: usize, inner: usize| {
-            let mix = |a: [f32; 3], b: [f32; 3]| std::array::from_fn(|k| 2.0 * a[k] - b[k]);
-            PathKey {
-                eye: mix(self.keys[end].eye, self.keys[inner].eye),
-                target: mix(self.keys[end].target, self.keys[inner].target),
-            }
-        };
-        match (self.open, index + i) {
-            (true, 0) => mirrored(0, 1),
-            (true, k) if k > n => mirrored(n - 1, n - 2),
-            (true, k) => self.keys[k - 1],
-            (false, k) => self.keys[(k + n - 1) % n],
-        }
-    }
 }
 
-fn catmull_rom(p: [[f32; 3]; 4], u: f32) -> [f32; 3] {
-    let [a, b, c, d] = p.map(Vec3::from_array);
+/// Between the second and the third value, at `u` from 0 to 1.
+pub(crate) fn catmull_rom([a, b, c, d]: [f32; 4], u: f32) -> f32 {
     let linear = (c - a) * 0.5;
     let square = a - b * 2.5 + c * 2.0 - d * 0.5;
     let cube = (d - a) * 0.5 + (b - c) * 1.5;
-    (b + u * (linear + u * (square + u * cube))).to_array()
+    b + u * (linear + u * (square + u * cube))
 }
 
 #[cfg(test)]
@@ -99,6 +154,7 @@ mod tests {
             name: "square".into(),
             seconds: 2.0,
             open,
+            step: false,
             keys: vec![key(0.0, 0.0), key(1.0, 0.0), key(1.0, 1.0), key(0.0, 1.0)],
         }
     }
@@ -149,6 +205,7 @@ mod tests {
             name: "line".into(),
             seconds: 1.0,
             open: true,
+            step: false,
             keys: vec![key(0.0), key(1.0), key(2.0)],
         };
         for i in 0..=10 {

@@ -40,6 +40,13 @@ fn bad_files_give_one_line_that_names_the_place() {
     assert!(obj(&format!("mtllib bad.mtl\n{TRIANGLE}f 1 2 3")).starts_with("bad.mtl:3: Kd"));
 }
 
+const LIGHT: &str =
+    "[[light]]\nname = 'a'\nkind = 'point'\nposition = [0, 1, 0]\nintensity = [1, 1, 1]\n";
+
+fn path(rest: &str) -> String {
+    format!("[[path]]\nname = 'p'\nseconds = 1\n{rest}\n")
+}
+
 #[test]
 fn bad_scenes_name_line_and_key() {
     let dir = Dir::new();
@@ -122,6 +129,96 @@ fn bad_scenes_name_line_and_key() {
             "[[path]]\nname = 'p'\nseconds = 1\nkeys = []".into(),
             "s.toml:1: path.keys",
             "too few",
+        ),
+        (
+            path("object = 'x'\nkeys = [{}, {}]"),
+            "s.toml:1: path.object: there is no object \"x\"",
+            "no object has a name",
+        ),
+        (
+            format!(
+                "{object}mesh = 'm.obj'\n{}",
+                path("object = 'x'\nkeys = [{}, {}]")
+            ),
+            "s.toml:5: path.object: there is no object \"x\"",
+            "name one of a",
+        ),
+        (
+            path("light = 0\nkeys = [{}, {}]"),
+            "s.toml:1: path.light: there is no light 0",
+            "number from 0",
+        ),
+        (
+            format!("{LIGHT}{}", path("light = 'b'\nkeys = [{}, {}]")),
+            "s.toml:6: path.light: there is no light \"b\"",
+            "name one of a",
+        ),
+        (
+            format!(
+                "{LIGHT}{}",
+                path("light = 'a'\nobject = 'a'\nkeys = [{}, {}]")
+            ),
+            "s.toml:6: path.light: is given beside",
+            "a path for each",
+        ),
+        (
+            format!(
+                "{LIGHT}{}",
+                path("light = 'a'\nkeys = [{}, { eye = [0, 0, 1] }]")
+            ),
+            "s.toml:6: path.keys[1].eye: is a key of the camera",
+            "with the same name",
+        ),
+        (
+            format!(
+                "{LIGHT}{}",
+                path("light = 'a'\nkeys = [{}, { rotate = [0, 0, 1] }]")
+            ),
+            "s.toml:6: path.keys[1].rotate: a light only",
+            "remove",
+        ),
+        (
+            format!(
+                "{LIGHT}{}",
+                path("light = 'a'\nkeys = [{}, { power = -1 }]")
+            ),
+            "s.toml:6: path.keys[1].power: -1 is no factor",
+            "at least 0",
+        ),
+        (
+            format!("{LIGHT}{0}{0}", path("light = 'a'\nkeys = [{}, {}]")),
+            "s.toml:11: path.name: two paths",
+            "its own name",
+        ),
+        (
+            path(
+                "open = true\nkeys = [{ eye = [0, 0, 1], target = [0, 0, 0] }, { translate = [0, 0, 0] }]",
+            ),
+            "s.toml:1: path.keys[1].translate: is no key of a camera",
+            "object or light",
+        ),
+        (
+            path(
+                "open = true\nkeys = [{ eye = [0, 0, 1], target = [0, 0, 0] }, { eye = [0, 0, 0] }]",
+            ),
+            "s.toml:1: path.keys[1].target: is missing",
+            "eye and target",
+        ),
+        (
+            format!(
+                "{object}mesh = 'm.obj'\n{}",
+                path("object = 'a'\nkeys = [{}, { scale = 0 }]")
+            ),
+            "s.toml:5: path.keys[1].scale: [0.0, 0.0, 0.0] is no factor",
+            "greater than 0",
+        ),
+        (
+            format!(
+                "{object}mesh = 'm.obj'\n{}",
+                path("object = 'a'\nkeys = [{}, { power = 0 }]")
+            ),
+            "s.toml:5: path.keys[1].power: only a light",
+            "remove",
         ),
     ] {
         let error = toml(&text);

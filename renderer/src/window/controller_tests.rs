@@ -131,6 +131,7 @@ fn the_path_plays_until_something_else_moves() {
         name: "p".into(),
         seconds: 1.0,
         open: true,
+        step: false,
         keys: vec![key(0.0), key(4.0)],
     };
     assert!(!controller().toggle_path());
