@@ -12,7 +12,7 @@ to = [1, 3, 0]
 intensity = [2, 2, 2]
 [[object]]
 name = 'row'
-generate = { kind = 'chain', keys = [[0, 1, 0], [2, 1, 0]], links = 3, major = 0.5, minor = 0.1 }
+generate = { kind = 'chain', keys = [[0, 1, 0], [2, 1, 0]], links = 4, major = 0.5, minor = 0.1 }
 [[object]]
 name = 'rower'
 generate = { kind = 'sphere', radius = 1 }
@@ -42,13 +42,13 @@ fn paths_of_one_name_move_parts_and_lights_beside_the_camera() {
     std::fs::write(&file, SCENE).unwrap();
     let loaded = load(&file).unwrap();
     assert_eq!((loaded.paths.len(), loaded.motions.len()), (1, 2));
-    assert_eq!(loaded.motions[0].moving, Moving::Objects(vec![0, 1, 2]));
+    assert_eq!(loaded.motions[0].moving, Moving::Objects(vec![0, 1, 2, 3]));
     assert_eq!(loaded.motions[1].moving, Moving::Light(0));
     let (mut objects, mut lights) = (Vec::new(), Vec::new());
     for motion in &loaded.motions {
         motion.place(&loaded.scene, 1.0, &mut objects, &mut lights);
     }
-    assert_eq!((objects.len(), lights.len()), (3, 1));
+    assert_eq!((objects.len(), lights.len()), (4, 1));
     for (moved, at_rest) in objects.iter().zip(&loaded.scene.objects) {
         let mut expected = at_rest.transform;
         expected[1][3] += 1.0;
