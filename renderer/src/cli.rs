@@ -117,7 +117,7 @@ pub struct RenderArgs {
     /// Directory for the frames; made if it is not there
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Camera path of the scene to follow; without one the camera stands still
+    /// Paths of the scene to play: of the camera, objects and lights; without one of the camera it stands still
     #[arg(long, value_name = "NAME")]
     pub path: Option<String>,
     /// Frames a second of the path's time

@@ -134,6 +134,9 @@ pub struct Choices {
     /// Average raw samples while nothing moves
     #[arg(long, value_enum, default_value_t)]
     pub settle: Switch,
+    /// Renew what an edit may have made wrong before everything else
+    #[arg(long, value_enum, default_value_t)]
+    pub due_first: Switch,
     /// Size of the point cache, points a pixel
     #[arg(long, default_value_t = 1.5, value_name = "RATIO")]
     pub cache: f32,
@@ -151,6 +154,7 @@ impl Default for Choices {
             antialias: Switch::default(),
             prediction: Switch::default(),
             settle: Switch::default(),
+            due_first: Switch::default(),
             cache: 1.5,
         }
     }

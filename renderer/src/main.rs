@@ -75,6 +75,7 @@ fn render(loaded: LoadedScene, args: &RenderArgs) -> Result<()> {
         scene,
         camera,
         paths,
+        motions,
         ..
     } = loaded;
     let scene = Arc::new(scene);
@@ -84,6 +85,7 @@ fn render(loaded: LoadedScene, args: &RenderArgs) -> Result<()> {
         scene: &scene,
         camera: &camera,
         paths: &paths,
+        motions: &motions,
     };
     let summary = headless::render(subject, args, &mut servers)?;
     // Whoever reads the summary may have stopped reading: that is no failure of the frames.

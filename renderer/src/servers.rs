@@ -9,7 +9,7 @@ use protocol::messages::{Camera, SampleRequest, Triple};
 use protocol::scene::Scene;
 
 use crate::cli::ServerArgs;
-use crate::frame::Received;
+use crate::frame::{Edit, Received};
 use crate::link::{
     Link, LinkConfig, LinkError, LinkStatus, ReceivedSample, ServerSource, WaitOutcome,
 };
@@ -90,6 +90,20 @@ impl Servers {
         Ok(())
     }
 
+    /// Moves objects and lights; gives the epoch that begins with it. Samples of older ones come no more, and triples that
+    /// hold anything that moved are forgotten.
+    ///
+    /// # Errors
+    /// If the edit names what is not there or holds a value that is not allowed: nothing was changed.
+    pub fn edit(&mut self, edit: &Edit) -> Result<u32, ServersError> {
+        let epoch = self.link.edit(&edit.objects, &edit.lights)?;
+        let moved = |object: u32| edit.objects.iter().any(|m| m.object == object);
+        let changed = |light: u32| edit.lights.iter().any(|m| m.light == light);
+        self.triples
+            .retain(|t| !(changed(t.light) || moved(t.blocker) || moved(t.receiver)));
+        Ok(epoch)
+    }
+
     /// Drops what is still wanted of views before this one.
     pub fn cancel_before(&mut self, view: u32) {
         self.link.cancel_before(view);
@@ -135,6 +149,7 @@ impl Servers {
         let samples = self.samples.drain(..);
         received.extend(samples.map(|r| Received {
             view: r.view,
+            epoch: r.epoch,
             sample: r.sample,
         }));
         self.triples.extend(self.met.drain(..));

@@ -72,6 +72,7 @@ impl Recording {
             let pinhole = Pinhole::new(&recording.view(frame).camera());
             let mut shade = |request: &SampleRequest| Received {
                 view: frame as u32,
+                epoch: 0,
                 sample: shader.shade(request.id, &pinhole.ray(request)),
             };
             let received: Vec<Received> = playback.wanted.here.iter().map(&mut shade).collect();

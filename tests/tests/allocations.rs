@@ -129,6 +129,7 @@ fn the_frame_loop_allocates_nothing_once_warm() {
             let pinhole = Pinhole::new(&camera.camera());
             received.extend(requests.iter().map(|request: &SampleRequest| Received {
                 view: number,
+                epoch: 0,
                 sample: shader.shade(request.id, &pinhole.ray(request)),
             }));
         }

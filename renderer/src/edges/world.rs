@@ -28,14 +28,16 @@ pub fn world_of(scene: &Scene) -> World {
         let Light::Area { vertices, .. } = light else {
             return None;
         };
-        let positions: Vec<Vec3> = vertices.iter().map(|v| Vec3::from(*v)).collect();
-        let fan: Vec<[u32; 3]> = (2..positions.len() as u32).map(|i| [0, i - 1, i]).collect();
-        Some((
-            Arc::new(TriangleMesh::build(&positions, &fan)),
-            Affine3A::IDENTITY,
-        ))
+        Some((polygon(vertices), Affine3A::IDENTITY))
     });
     World::new(objects.chain(lights).collect())
+}
+
+/// An area light's polygon as a mesh.
+pub fn polygon(vertices: &[[f32; 3]]) -> Arc<TriangleMesh> {
+    let positions: Vec<Vec3> = vertices.iter().map(|v| Vec3::from(*v)).collect();
+    let fan: Vec<[u32; 3]> = (2..positions.len() as u32).map(|i| [0, i - 1, i]).collect();
+    Arc::new(TriangleMesh::build(&positions, &fan))
 }
 
 /// Rows of a scene's transform as a matrix.

@@ -1,9 +1,11 @@
 //! The edge stages of a frame: found, hidden ones left out, drawn into crossings.
 
 use fearless_simd::Level;
-use protocol::scene::Scene;
+use glam::Affine3A;
+use protocol::scene::{Light, Scene};
 use rays::{Ray, World};
 
+use super::placed::{Changes, Placed};
 use crate::camera::View;
 use crate::config::{Choices, Culling, Method, PointCulling};
 use crate::edges::by_rays::RaySettings;
@@ -12,7 +14,7 @@ use crate::edges::depth::{DepthBuffer, DepthOffset};
 use crate::edges::finder::EdgeFinder;
 use crate::edges::list::EdgeList;
 use crate::edges::visibility::{EdgeDrawer, Hiding};
-use crate::edges::world::world_of;
+use crate::edges::world::{affine, polygon, world_of};
 use crate::epi::Epi;
 use crate::epi::bends::mark_bends;
 use crate::epi::classify::classify;
@@ -61,6 +63,29 @@ impl EdgeStage {
         self.half = choices.method == Method::EdgeAndPoint;
         self.crossings = Crossings::new(grid.width, grid.height);
         self.changed = true;
+    }
+
+    /// Moves what an edit changed; `placed` is the scene after it.
+    pub(super) fn edit(&mut self, placed: &Placed, changes: &Changes) {
+        for (object, _, after) in &changes.objects {
+            self.finder.set_transform(*object as usize, after);
+            if let Some(world) = &mut self.world {
+                world.set_transform(*object, affine(after));
+            }
+        }
+        let objects = placed.objects();
+        for (light, _, after) in &changes.lights {
+            let (Light::Area { vertices, .. }, Some(k)) = (after, placed.area_light(*light)) else {
+                continue;
+            };
+            self.finder.set_light(k, vertices);
+            if let Some(world) = &mut self.world {
+                world.set_instance((objects + k) as u32, polygon(vertices), Affine3A::IDENTITY);
+            }
+        }
+        if let Some(world) = &mut self.world {
+            world.refit();
+        }
     }
 
     /// Finds the view's edges and draws those that can be seen. With rays it does nothing while nothing moves; with points

@@ -14,6 +14,8 @@ use crate::stats::Stage;
 pub struct Received {
     /// Number of the view.
     pub view: u32,
+    /// The epoch in which it was shaded.
+    pub epoch: u32,
     /// The sample.
     pub sample: Sample,
 }
@@ -24,10 +26,11 @@ const SAME_SURFACE: f32 = 0.05;
 impl Display {
     /// Takes samples into the cache, and into the means of a still camera where they were asked for in the last frame's view
     /// and that is the view of the next one, `view_number`, too. The order matters: lockstep gives them in the order of
-    /// their ids.
+    /// their ids. Samples of another epoch than that of the last [edit](Display::edit) are dropped.
     pub fn receive(&mut self, samples: &[Received], view_number: u32) {
         let mut ms = std::mem::take(&mut self.stage_ms);
         ms.time(Stage::Drain, || {
+            self.relocate();
             for received in samples {
                 self.take(received, view_number);
             }
@@ -37,13 +40,17 @@ impl Display {
     }
 
     fn take(&mut self, received: &Received, view_number: u32) {
+        if received.epoch != self.epoch {
+            self.late += 1;
+            return;
+        }
         let sample = &received.sample;
         let Some(view) = self.view else {
-            self.cache.insert(sample, None);
+            self.insert(sample, None);
             return;
         };
         let Some((x_px, y_px, depth)) = place(&view, sample) else {
-            self.cache.insert(sample, None);
+            self.insert(sample, None);
             return;
         };
         let (x, y) = (x_px as usize, y_px as usize);
@@ -51,7 +58,12 @@ impl Display {
         let there = self.pixels.point[at];
         let same = (depth - self.pixels.depth[at]).abs() <= SAME_SURFACE * depth;
         let replaced = (there != NO_POINT && same).then_some(there);
-        let slot = self.cache.insert(sample, replaced);
+        if there != NO_POINT && !same && self.due.missed(there) {
+            self.cache.remove(there);
+            self.pixels.point[at] = NO_POINT;
+            self.pixels.depth[at] = f32::INFINITY;
+        }
+        let slot = self.insert(sample, replaced);
         if let Some(slot) = slot.filter(|_| same || depth < self.pixels.depth[at]) {
             self.pixels.point[at] = slot;
             self.pixels.depth[at] = depth;
@@ -71,6 +83,12 @@ impl Display {
             self.still
                 .add((x, y), offset, sample.radiance, region.flatten());
         }
+    }
+
+    fn insert(&mut self, sample: &Sample, replaced: Option<u32>) -> Option<u32> {
+        let slot = self.cache.insert(sample, replaced)?;
+        self.due.clear(slot);
+        Some(slot)
     }
 }
 

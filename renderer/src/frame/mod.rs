@@ -1,7 +1,9 @@
 //! One frame: the stages in their order, each reading what the ones before it left.
 
 mod edges;
+mod edit;
 mod ingest;
+mod placed;
 mod plan;
 mod rebuild;
 
@@ -22,9 +24,9 @@ use crate::filters::interpolate::{self, Interpolated, interpolate};
 use crate::filters::settle::settle;
 use crate::filters::spread::{Care, Spread};
 use crate::points::cull::{Ask, CullScratch, cull};
-use crate::points::project::{Nearest, project};
+use crate::points::project::{Nearest, Projected, project};
 use crate::points::still::Mean;
-use crate::points::{PixelSamples, PointCache, Still};
+use crate::points::{Due, PixelSamples, PointCache, Still};
 use crate::sampling::choose::Chooser;
 use crate::sampling::predict::Prediction;
 use crate::sampling::priority::{self, Priorities, Rule};
@@ -32,6 +34,7 @@ use crate::stats::{FrameStats, PixelKinds, Stage, StageMs};
 
 pub use edges::EdgeStage;
 pub use ingest::Received;
+pub use placed::{Changes, Edit, Placed};
 pub use plan::Wanted;
 
 /// The display without its sockets and windows: takes samples, draws frames, says what it wants next.
@@ -48,9 +51,17 @@ pub struct Display {
     view_number: u32,
     cache: PointCache,
     nearest: Nearest,
+    batch: Projected,
     pixels: PixelSamples,
     still: Still,
     edges: EdgeStage,
+    placed: Placed,
+    epoch: u32,
+    late: u64,
+    due: Due,
+    marks: Vec<u8>,
+    revealed: Vec<u64>,
+    displaced: bool,
     epi: Epi,
     reach: ReachMap,
     interpolated: Interpolated,
@@ -97,9 +108,17 @@ impl Display {
             view_number: 0,
             cache: PointCache::new(capacity),
             nearest: Nearest::default(),
+            batch: Projected::default(),
             pixels: PixelSamples::new(grid),
             still: Still::new(grid),
             edges: EdgeStage::new(scene, choices, grid),
+            placed: Placed::new(scene),
+            epoch: 0,
+            late: 0,
+            due: Due::new(capacity),
+            marks: Vec::new(),
+            revealed: vec![0; grid.plane_words()],
+            displaced: false,
             epi: Epi::new(grid.width, grid.height, places),
             reach: ReachMap::new(grid.width, grid.height),
             interpolated: Interpolated::new(grid),
@@ -193,6 +212,7 @@ impl Display {
             );
         });
         ms.time(Stage::Depth, || self.cull_points(view));
+        ms.time(Stage::Reproject, || self.weigh_due());
         self.stage_ms = ms;
     }
 
@@ -361,6 +381,7 @@ impl Display {
             complex: &self.epi.complex,
         };
         self.priorities.compute(self.level, rule, &inputs);
+        self.raise_due();
     }
 
     /// The frame's linear radiance, planes by [`Display::grid`].
@@ -371,6 +392,11 @@ impl Display {
     /// Layout of [`Display::image`].
     pub fn grid(&self) -> Grid {
         self.grid
+    }
+
+    /// Where everything is.
+    pub fn placed(&self) -> &Placed {
+        &self.placed
     }
 
     /// The edge-and-point image of the frame.

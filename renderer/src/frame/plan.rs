@@ -49,6 +49,7 @@ impl Display {
     }
 
     fn choose(&mut self, budget: usize, next: Option<&View>, wanted: &mut Wanted) {
+        self.relocate();
         wanted.here.clear();
         wanted.ahead.clear();
         self.uncovered.clear();

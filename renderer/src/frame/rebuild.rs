@@ -25,6 +25,8 @@ impl Display {
         };
         let mut fresh = Self::new(&nothing, choices, width, height, self.seed);
         std::mem::swap(&mut fresh.edges, &mut self.edges);
+        std::mem::swap(&mut fresh.placed, &mut self.placed);
+        (fresh.epoch, fresh.late) = (self.epoch, self.late);
         fresh.edges.reshape(choices, fresh.grid);
         (fresh.plans, fresh.last_id) = (self.plans, self.last_id);
         fresh.pool = self.pool.take();
@@ -56,6 +58,10 @@ impl Display {
             };
             if let Some(copy) = self.cache.insert(&sample, None) {
                 self.cache.age[copy as usize] = cache.age[slot];
+                self.due.clear(copy);
+                if from.due.is_due(slot as u32) {
+                    self.due.set(copy);
+                }
             }
         }
     }
@@ -87,6 +93,7 @@ mod tests {
             let [x, y] = [r.x as f32 + r.offset[0], r.y as f32 + r.offset[1]];
             Received {
                 view: 1,
+                epoch: 0,
                 sample: Sample {
                     id: r.id,
                     position: (view.eye + view.direction(x, y) * 9.0).into(),

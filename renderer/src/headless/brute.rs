@@ -17,13 +17,16 @@ use crate::tone::ToneMap;
 /// Renders and writes one frame of `full` (one sample in the middle of each pixel) or `reference` (many jittered samples,
 /// box-filtered).
 pub(super) fn frame(
-    flight: &Flight<'_>,
+    flight: &mut Flight<'_>,
     frame: usize,
     args: &RenderArgs,
     servers: &mut Servers,
     output: &mut Output,
 ) -> Result<FrameStats, RenderError> {
     let grid = Grid::new(args.size.0 as usize, args.size.1 as usize);
+    if let Some(edit) = flight.edit(frame) {
+        servers.edit(&edit)?;
+    }
     let view = View::new(&flight.camera(frame));
     let number = servers.set_view(&view.camera())?;
     let passes = if args.choices.method == Method::Full {

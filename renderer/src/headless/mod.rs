@@ -1,14 +1,14 @@
 //! `render`: frames to files, without a window.
 
 mod brute;
+mod flight;
 mod output;
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use protocol::messages::Camera;
 use protocol::scene::Scene;
-use scenes::{CameraPath, CameraSpec};
+use scenes::{CameraPath, CameraSpec, Motion};
 
 use crate::camera::View;
 use crate::cli::RenderArgs;
@@ -17,6 +17,7 @@ use crate::frame::{Display, Wanted};
 use crate::servers::{Servers, ServersError};
 use crate::show::{Stages, show};
 use crate::tone::ToneMap;
+pub use flight::Flight;
 use output::Output;
 pub use output::{OutputError, write_exr, write_png};
 
@@ -26,7 +27,7 @@ const DEFAULT_SHARE: f64 = 0.02;
 /// Why frames could not be rendered.
 #[derive(Debug, thiserror::Error)]
 pub enum RenderError {
-    /// The scene has no such camera path.
+    /// The scene has no such path.
     #[error("the scene has no path named `{name}`; it has {known}")]
     NoPath {
         /// What was asked for.
@@ -67,74 +68,10 @@ pub struct Subject<'a> {
     pub scene: &'a Scene,
     /// Where the camera stands.
     pub camera: &'a CameraSpec,
-    /// Ways through the scene.
+    /// Ways of the camera through the scene.
     pub paths: &'a [CameraPath],
-}
-
-/// Where the camera is in each frame.
-pub struct Flight<'a> {
-    start: &'a CameraSpec,
-    path: Option<&'a CameraPath>,
-    fps: f32,
-    size: (u32, u32),
-}
-
-impl<'a> Flight<'a> {
-    /// Follows a path of the scene, or stands where its camera stands.
-    ///
-    /// # Errors
-    /// If the scene has no path of that name.
-    pub fn new(subject: Subject<'a>, args: &RenderArgs) -> Result<Self, RenderError> {
-        let path = args.path.as_ref().map(|name| {
-            subject
-                .paths
-                .iter()
-                .find(|p| p.name == *name)
-                .ok_or_else(|| {
-                    let names: Vec<&str> = subject.paths.iter().map(|p| p.name.as_str()).collect();
-                    let known = if names.is_empty() {
-                        "none".to_owned()
-                    } else {
-                        names.join(", ")
-                    };
-                    RenderError::NoPath {
-                        name: name.clone(),
-                        known,
-                    }
-                })
-        });
-        let fps = if args.fps.is_finite() && args.fps > 0.0 {
-            args.fps
-        } else {
-            30.0
-        };
-        Ok(Self {
-            start: subject.camera,
-            path: path.transpose()?,
-            fps,
-            size: args.size,
-        })
-    }
-
-    /// The camera of a frame.
-    pub fn camera(&self, frame: usize) -> Camera {
-        let start = self.start;
-        let (eye, target) = match self.path {
-            Some(path) => {
-                let key = path.at_seconds(frame as f32 / self.fps);
-                (key.eye, key.target)
-            }
-            None => (start.eye, start.target),
-        };
-        Camera {
-            eye,
-            target,
-            up: start.up,
-            fov_y: start.fov_y,
-            width: self.size.0,
-            height: self.size.1,
-        }
-    }
+    /// Paths of objects and lights.
+    pub motions: &'a [Motion],
 }
 
 /// Renders what the arguments ask for.
@@ -146,7 +83,7 @@ pub fn render(
     args: &RenderArgs,
     servers: &mut Servers,
 ) -> Result<Summary, RenderError> {
-    let flight = Flight::new(subject, args)?;
+    let mut flight = Flight::new(subject, args)?;
     let mut output = Output::new(args)?;
     let start = Instant::now();
     let mut totals = Vec::with_capacity(args.frames);
@@ -154,7 +91,7 @@ pub fn render(
     match args.choices.method {
         Method::Full | Method::Reference => {
             for frame in 0..args.frames {
-                let stats = brute::frame(&flight, frame, args, servers, &mut output)?;
+                let stats = brute::frame(&mut flight, frame, args, servers, &mut output)?;
                 samples += stats.samples_new as u64;
                 totals.push(stats.total_ms);
             }
@@ -162,7 +99,7 @@ pub fn render(
         Method::EdgeAndPoint | Method::NoComplex | Method::PointsOnly => {
             sparse(
                 subject.scene,
-                &flight,
+                &mut flight,
                 args,
                 servers,
                 &mut output,
@@ -185,7 +122,7 @@ pub fn render(
 
 fn sparse(
     scene: &Scene,
-    flight: &Flight<'_>,
+    flight: &mut Flight<'_>,
     args: &RenderArgs,
     servers: &mut Servers,
     output: &mut Output,
@@ -200,6 +137,9 @@ fn sparse(
     display.use_threads(usize::from(args.threads))?;
     let tone = ToneMap::new();
     let (mut wanted, mut received, mut shown) = (Wanted::default(), Vec::new(), Vec::new());
+    if let Some(edit) = flight.edit(0) {
+        display.edit(servers.edit(&edit)?, &edit);
+    }
     let mut view = View::new(&flight.camera(0));
     let mut number = servers.set_view(&view.camera())?;
     display.begin(&view, number);
@@ -220,6 +160,10 @@ fn sparse(
         display.time_present(|d| show(args.show, &Stages::of(d), &tone, &mut shown));
         let next = View::new(&flight.camera(frame + 1));
         if frame + 1 < args.frames {
+            // What moves until the next frame has moved when its samples are shaded.
+            if let Some(edit) = flight.edit(frame + 1) {
+                display.edit(servers.edit(&edit)?, &edit);
+            }
             display.plan(budget, Some(&next), &mut wanted);
             servers.request(number, &wanted.here)?;
             if next != view {

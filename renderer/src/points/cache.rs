@@ -186,6 +186,11 @@ impl PointCache {
         *sight = (*sight & SEEN) | (TRUSTED + (slot % SPREAD) as u8);
     }
 
+    /// Says that it is not known any more whether something hides a point.
+    pub fn doubt(&mut self, slot: u32) {
+        self.sight[slot as usize] &= SEEN;
+    }
+
     /// Says that a point is hidden: it is not seen, and ages. When found hidden a few times over it goes.
     pub fn hide(&mut self, slot: u32) {
         let i = slot as usize;

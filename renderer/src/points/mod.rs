@@ -2,10 +2,13 @@
 
 pub mod cache;
 pub mod cull;
+pub mod due;
 pub mod pixels;
 pub mod project;
 pub mod still;
+pub mod umbrella;
 
 pub use cache::PointCache;
+pub use due::Due;
 pub use pixels::PixelSamples;
 pub use still::Still;

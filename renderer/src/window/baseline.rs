@@ -133,6 +133,7 @@ mod tests {
             assert_eq!(wanted.len(), width * height);
             let received = wanted.iter().rev().map(|w| Received {
                 view: 1,
+                epoch: 0,
                 sample: Sample {
                     id: w.id,
                     position: [0.0; 3],
