@@ -15,11 +15,12 @@ use crate::points::pixels::NO_POINT;
 use crate::points::project::for_each_in_image;
 use crate::stats::Stage;
 
-/// What a due point counts for beside a valid one.
-const DUE_COUNT: f32 = 0.05;
+/// What a due point counts for beside a valid one. Nothing at all would leave holes where no new sample is near.
+const DUE_COUNT: f32 = 0.02;
 
-/// Factor of a due pixel's priority: enough for the calmest of them to come before the most wanted of the others.
-const DUE_FIRST: f32 = 1e4;
+/// Factor of a due pixel's priority. Measured on a dragged link of chains at 2 % a frame: FLIP after 30 frames 0.050
+/// without, 0.038 at 30, 0.039 at 100, 0.057 at 10,000, where nothing else gets samples any more.
+const DUE_FIRST: f32 = 30.0;
 
 /// Frames that a due point is older than it would be.
 const DUE_AGE: u8 = 64;
@@ -306,3 +307,7 @@ impl Carry {
         }
     }
 }
+
+#[cfg(test)]
+#[path = "edit_tests.rs"]
+mod tests;
