@@ -53,6 +53,7 @@ fn show(args: &WindowArgs) -> Result<()> {
         scene: &scene,
         camera: &loaded.camera,
         path: loaded.paths.first(),
+        motions: &loaded.motions,
     };
     match window::run(subject, args) {
         Err(WindowError::NoDisplay(why)) => {

@@ -8,9 +8,11 @@
 use glam::{DVec3, Vec3};
 use protocol::messages::flags;
 use protocol::scene::{Affine, Light};
+use rays::Ray;
 
 use super::Display;
-use super::placed::{Changes, Edit, shines_on, wide};
+use super::placed::{Changes, Edit, Thing, shines_on, wide};
+use crate::camera::View;
 use crate::points::pixels::NO_POINT;
 use crate::points::project::for_each_in_image;
 use crate::stats::Stage;
@@ -51,6 +53,18 @@ impl Display {
         self.still.clear();
         (self.stale, self.displaced) = (true, true);
         changes
+    }
+
+    /// What is seen at image point (x, y) px of a view, and where, world space. Nothing too where the choices need no rays,
+    /// since there is no scene for them then.
+    pub fn pick(&self, view: &View, (x, y): (f32, f32)) -> Option<(Thing, Vec3)> {
+        let ray = Ray {
+            origin: view.eye,
+            direction: view.direction(x, y),
+        };
+        let hit = self.edges.world()?.closest(&ray, f32::INFINITY)?;
+        let thing = self.placed.thing(hit.instance)?;
+        Some((thing, ray.origin + ray.direction * hit.t))
     }
 
     /// The epoch of the samples that are taken.

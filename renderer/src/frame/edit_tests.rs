@@ -240,12 +240,10 @@ fn without_the_switch_nothing_is_due_and_asking_for_due_points_comes_to_an_end()
     display.edit(1, &shifted(3.0));
     display.draw(&view, 1);
     let mut wanted = Wanted::default();
-    display.plan(1, None, &mut wanted);
+    display.plan(200, None, &mut wanted);
     let at = view.project(Vec3::new(3.5, 2.25, 0.25)).unwrap();
-    assert_eq!(
-        [wanted.here[0].x, wanted.here[0].y],
-        [at.0 as u16, at.1 as u16]
-    );
+    let pixel = (at.0 as u16, at.1 as u16);
+    assert!(wanted.here.iter().any(|r| (r.x, r.y) == pixel));
     let ray = view.direction(at.0, at.1);
     for (id, left) in [(5, 1), (6, 1), (7, 0)] {
         let behind = view.eye + ray * (view.eye.y / -ray.y);

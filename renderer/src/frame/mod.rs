@@ -34,7 +34,7 @@ use crate::stats::{FrameStats, PixelKinds, Stage, StageMs};
 
 pub use edges::EdgeStage;
 pub use ingest::Received;
-pub use placed::{Changes, Edit, Placed};
+pub use placed::{Changes, Edit, Placed, Thing};
 pub use plan::Wanted;
 
 /// The display without its sockets and windows: takes samples, draws frames, says what it wants next.

@@ -22,6 +22,15 @@ impl Edit {
     }
 }
 
+/// Something that can be moved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Thing {
+    /// By its index in the scene.
+    Object(u32),
+    /// By its index in the scene.
+    Light(u32),
+}
+
 /// The scene's objects and lights.
 #[derive(Clone, Debug, Default)]
 pub struct Placed {
@@ -90,6 +99,18 @@ impl Placed {
         &self.lights
     }
 
+    /// The part of an edit that is not so already.
+    pub fn news(&self, edit: &Edit) -> Edit {
+        let objects = edit.objects.iter();
+        let lights = edit.lights.iter();
+        let moves = |m: &&ObjectMove| self.transform(m.object) != Some(&m.transform);
+        let changes = |m: &&LightMove| self.lights.get(m.light as usize) != Some(&m.value);
+        Edit {
+            objects: objects.filter(moves).copied().collect(),
+            lights: lights.filter(changes).cloned().collect(),
+        }
+    }
+
     /// Takes an edit over; gives what is not as it was. What names no object, or no light of its kind, is left out.
     pub(super) fn apply(&mut self, edit: &Edit) -> Changes {
         let mut changes = Changes::default();
@@ -118,6 +139,16 @@ impl Placed {
         let is_area = |l: &&Light| matches!(l, Light::Area { .. });
         let here = self.lights.get(light as usize).filter(is_area);
         here.map(|_| self.lights[..light as usize].iter().filter(is_area).count())
+    }
+
+    /// What an instance of the display's own scene for rays is: objects come first, then area lights.
+    pub(super) fn thing(&self, instance: u32) -> Option<Thing> {
+        let Some(k) = (instance as usize).checked_sub(self.objects.len()) else {
+            return Some(Thing::Object(instance));
+        };
+        let lights = self.lights.iter().zip(0u32..);
+        let mut areas = lights.filter(|(l, _)| matches!(l, Light::Area { .. }));
+        areas.nth(k).map(|(_, i)| Thing::Light(i))
     }
 
     /// What moved and can stand before something.

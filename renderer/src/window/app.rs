@@ -13,12 +13,14 @@ use winit::window::{Window, WindowId};
 
 use super::WindowError;
 use super::controller::{Controller, Drag};
+use super::hands::Hands;
 use super::keys::{self, Command, HELP};
 use super::overlay::Canvas;
 use super::screenshot;
 use super::session::Session;
 use super::surface::Surface;
 use crate::cli::WindowArgs;
+use crate::servers::ServersError;
 use crate::show::Show;
 
 /// Least time between frames: what screens show.
@@ -45,6 +47,7 @@ type Told = (usize, u64, bool);
 pub(super) struct App {
     session: Session,
     controller: Controller,
+    hands: Hands,
     title: String,
     size: (u32, u32),
     out: PathBuf,
@@ -67,12 +70,14 @@ impl App {
     pub(super) fn new(
         session: Session,
         controller: Controller,
+        hands: Hands,
         title: String,
         args: &WindowArgs,
     ) -> Self {
         Self {
             session,
             controller,
+            hands,
             title,
             size: args.size,
             out: args.out.clone(),
@@ -123,13 +128,19 @@ impl App {
         let now = Instant::now();
         self.frame_start = Some(now);
         self.woken = false;
-        let moved = self.controller.advance((now - self.clock).as_secs_f32());
+        let since = now - self.clock;
+        let moved = self.controller.advance(since.as_secs_f32());
         self.clock = now;
         let camera = self.controller.camera(width, height);
         let next = self.controller.predicted(width, height);
         let pose = self.controller.pose();
         let reach = (pose.target - pose.eye).length();
-        let result = self.session.frame(&camera, next.as_ref(), reach, self.show);
+        let (pointer, modifiers) = (self.pointer, self.modifiers);
+        let seconds = since.as_secs_f32();
+        let work = self
+            .hands
+            .work(&mut self.session, &camera, pointer, modifiers, seconds);
+        let result = work.and(self.session.frame(&camera, next.as_ref(), reach, self.show));
         if let Err(e) = result {
             self.message = Some((e.to_string(), now + MESSAGE_TIME));
         }
@@ -141,14 +152,21 @@ impl App {
             items.push(format!("showing {}", self.show.name()));
         }
         items.extend(self.controller.playing().then(|| "playing".into()));
+        items.extend(self.hands.status());
         items.extend(self.message.iter().map(|(text, _)| text.clone()));
         let shown = self.session.shown();
+        let markers = if self.modifiers.shift_key() || self.hands.holding() {
+            self.session.markers()
+        } else {
+            Vec::new()
+        };
         let (help, scale) = (self.help, window.scale_factor());
         window.pre_present_notify();
         let presented = surface.present(width, height, |pixels| {
             let n = pixels.len().min(shown.len());
             pixels[..n].copy_from_slice(&shown[..n]);
             let mut canvas = Canvas::new(pixels, width as usize, height as usize, scale);
+            markers.iter().for_each(|m| canvas.cross(*m));
             canvas.status(&items);
             if help {
                 canvas.panel_in_the_middle(&HELP);
@@ -222,6 +240,15 @@ impl App {
                     self.say("the scene has no path");
                 }
             }
+            Command::Moves => {
+                self.clock = Instant::now();
+                let played = self.hands.play_next(&mut self.session);
+                self.tell(played);
+            }
+            Command::Undo => {
+                let undone = self.hands.undo(&mut self.session);
+                self.tell(undone);
+            }
             Command::Help => self.help = !self.help,
             Command::Screenshot => {
                 let saved =
@@ -231,7 +258,19 @@ impl App {
                     Err(e) => self.say(e.to_string()),
                 }
             }
-            Command::Quit => event_loop.exit(),
+            Command::Escape if self.hands.holding() => {
+                let back = self.hands.undo(&mut self.session);
+                self.tell(back);
+            }
+            Command::Quit | Command::Escape => event_loop.exit(),
+        }
+    }
+
+    fn tell(&mut self, outcome: Result<Option<&'static str>, ServersError>) {
+        match outcome {
+            Ok(None) => {}
+            Ok(Some(text)) => self.say(text),
+            Err(e) => self.say(e.to_string()),
         }
     }
 
@@ -244,9 +283,24 @@ impl App {
             self.dirty |= self.controller.pose() != before;
         }
         self.pointer = Some((x, y));
+        self.dirty |= self.hands.holding();
     }
 
     fn button(&mut self, button: MouseButton, state: ElementState) {
+        if button == MouseButton::Left {
+            self.dirty = true;
+            match state {
+                ElementState::Pressed if self.modifiers.shift_key() => {
+                    let (session, pointer) = (&self.session, self.pointer);
+                    if !self.hands.take(session, pointer) {
+                        self.say("nothing here that can be moved");
+                    }
+                    return;
+                }
+                ElementState::Released if self.hands.holding() => return self.hands.let_go(),
+                _ => {}
+            }
+        }
         let drag = match button {
             MouseButton::Left => Drag::Orbit,
             MouseButton::Right | MouseButton::Middle => Drag::Pan,
@@ -282,8 +336,14 @@ impl ApplicationHandler<Wake> for App {
             WindowEvent::CloseRequested => event_loop.exit(),
             WindowEvent::RedrawRequested => self.redraw(event_loop),
             WindowEvent::Resized(_) | WindowEvent::ScaleFactorChanged { .. } => self.dirty = true,
-            WindowEvent::Focused(false) => self.controller.release_all(),
-            WindowEvent::ModifiersChanged(modifiers) => self.modifiers = modifiers.state(),
+            WindowEvent::Focused(false) => {
+                self.controller.release_all();
+                self.hands.let_go();
+            }
+            WindowEvent::ModifiersChanged(modifiers) => {
+                self.modifiers = modifiers.state();
+                self.dirty = true;
+            }
             WindowEvent::KeyboardInput { event, .. } => self.key(&event, event_loop),
             WindowEvent::CursorMoved { position, .. } => {
                 self.pointer_moved(position.x, position.y);
@@ -304,7 +364,7 @@ impl ApplicationHandler<Wake> for App {
     fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
         let now = Instant::now();
         self.look_after(now);
-        let urgent = self.dirty || self.controller.moving();
+        let urgent = self.dirty || self.controller.moving() || self.hands.playing();
         let Some((window, _)) = &self.screen else {
             return;
         };

@@ -16,13 +16,17 @@ pub(super) enum Command {
     Baseline,
     Home,
     Path,
+    Moves,
+    Undo,
     Help,
     Screenshot,
     Quit,
+    /// Lets go of what is held and puts it back; else the same as quit.
+    Escape,
 }
 
 /// The list of keys, for people.
-pub(super) const HELP: [&str; 23] = [
+pub(super) const HELP: [&str; 28] = [
     "left drag        turn round the target",
     "right drag       move sideways (middle too)",
     "wheel            nearer, farther",
@@ -30,6 +34,11 @@ pub(super) const HELP: [&str; 23] = [
     "arrows           look round",
     "Home             back to the scene's camera",
     "P                play or stop the path",
+    "",
+    "shift left drag  move what is there along the",
+    "                   screen; ctrl too: level",
+    "U                put it back (ctrl-Z too)",
+    "O                play what moves, one by one",
     "",
     "1                picture",
     "2                edges",
@@ -76,7 +85,7 @@ pub(super) fn command(physical: PhysicalKey, logical: &Key, control: bool) -> Op
             return Some(match named {
                 NamedKey::Home => Command::Home,
                 NamedKey::Space => Command::Pause,
-                NamedKey::Escape => Command::Quit,
+                NamedKey::Escape => Command::Escape,
                 NamedKey::F12 => Command::Screenshot,
                 _ => return None,
             });
@@ -87,6 +96,7 @@ pub(super) fn command(physical: PhysicalKey, logical: &Key, control: bool) -> Op
     if control {
         return match letter? {
             's' => Some(Command::Screenshot),
+            'z' => Some(Command::Undo),
             'q' => Some(Command::Quit),
             _ => None,
         };
@@ -110,6 +120,8 @@ pub(super) fn command(physical: PhysicalKey, logical: &Key, control: bool) -> Op
         'm' => Command::Method,
         'r' => Command::Baseline,
         'p' => Command::Path,
+        'o' => Command::Moves,
+        'u' => Command::Undo,
         'h' | '?' => Command::Help,
         _ => return None,
     })

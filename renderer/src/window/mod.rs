@@ -4,7 +4,10 @@ mod app;
 mod baseline;
 mod budget;
 mod controller;
+mod grab;
+mod hands;
 mod keys;
+mod moves;
 mod overlay;
 mod pace;
 mod screenshot;
@@ -15,7 +18,7 @@ mod tell;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use protocol::scene::Scene;
-use scenes::{CameraPath, CameraSpec};
+use scenes::{CameraPath, CameraSpec, Motion};
 use winit::error::EventLoopError;
 use winit::event_loop::EventLoop;
 
@@ -23,6 +26,8 @@ use crate::cli::{ServerArgs, WindowArgs};
 use crate::servers::{Servers, ServersError};
 use app::{App, Wake};
 use controller::Controller;
+use hands::Hands;
+use moves::Moves;
 use session::Session;
 
 /// Why there is no window, or none any more.
@@ -53,6 +58,8 @@ pub struct Subject<'a> {
     pub camera: &'a CameraSpec,
     /// What can be played, if anything.
     pub path: Option<&'a CameraPath>,
+    /// Paths of objects and lights.
+    pub motions: &'a [Motion],
 }
 
 /// Opens a window on the scene and returns when it is closed.
@@ -93,7 +100,9 @@ pub fn run(subject: Subject<'_>, args: &WindowArgs) -> Result<(), WindowError> {
         subject.path.cloned(),
     );
     let title = format!("{} - edge and point", subject.name);
-    let mut app = App::new(session, controller, title, args);
+    let moves = Moves::new(subject.scene, subject.motions);
+    let hands = Hands::new(subject.scene, subject.camera.up.into(), moves);
+    let mut app = App::new(session, controller, hands, title, args);
     let ended = events.run_app(&mut app);
     match (app.into_failure(), ended) {
         (Some(failure), _) => Err(failure),

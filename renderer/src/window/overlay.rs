@@ -50,6 +50,13 @@ impl<'a> Canvas<'a> {
         self.panel(0, self.height.saturating_sub(height), self.width, &lines);
     }
 
+    /// Marks a place, pixels, with a cross.
+    pub(super) fn cross(&mut self, [x, y]: [f32; 2]) {
+        let middle = Point::new(x.floor() as i32, y.floor() as i32);
+        let arms = (-5..=5).flat_map(|k| [Point::new(k, 0), Point::new(0, k)]);
+        let Ok(()) = self.draw_iter(arms.map(|arm| Pixel(middle + arm, BRIGHT)));
+    }
+
     /// Writes lines in the middle.
     pub(super) fn panel_in_the_middle(&mut self, lines: &[&str]) {
         let longest = lines.iter().map(|l| l.chars().count()).max().unwrap_or(0);

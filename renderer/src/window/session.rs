@@ -8,12 +8,13 @@ use protocol::scene::Scene;
 
 use super::baseline::Baseline;
 use super::budget::Budget;
+use super::grab::{Grab, markers, near_light};
 use super::pace::Pace;
 use super::tell::Figures;
 use crate::camera::View;
 use crate::config::{Choices, Method};
 use crate::epi::grid::Grid;
-use crate::frame::{Display, Received, Wanted};
+use crate::frame::{Display, Edit, Received, Wanted};
 use crate::link::LinkStatus;
 use crate::servers::{Servers, ServersError};
 use crate::show::{Show, Stages, show};
@@ -250,6 +251,40 @@ impl Session {
 
     fn pixels(&self) -> usize {
         self.size.0 as usize * self.size.1 as usize
+    }
+
+    /// Moves those things that are not yet in these places; the points that this leaves valid stay.
+    ///
+    /// # Errors
+    /// If the edit holds a value that is not allowed: nothing moves.
+    pub(super) fn move_to(&mut self, edit: &Edit) -> Result<(), ServersError> {
+        let edit = &self.display.placed().news(edit);
+        if edit.is_empty() {
+            return Ok(());
+        }
+        let epoch = self.servers.edit(edit)?;
+        self.display.edit(epoch, edit);
+        self.settled = false;
+        if let Some(baseline) = &mut self.baseline {
+            baseline.renew();
+        }
+        Ok(())
+    }
+
+    /// Takes hold of what the last frame shows at (x, y) px.
+    pub(super) fn grab(&self, (x, y): (f32, f32)) -> Option<Grab> {
+        let view = self.view.as_ref()?;
+        let placed = self.display.placed();
+        let light = near_light(placed.lights(), view, (x, y));
+        let (thing, at) = light.or_else(|| self.display.pick(view, (x, y)))?;
+        Grab::new(placed, thing, at, view.eye)
+    }
+
+    /// Where lights without area are in the last frame, px.
+    pub(super) fn markers(&self) -> Vec<[f32; 2]> {
+        let lights = self.display.placed().lights();
+        let view = self.view.as_ref();
+        view.map_or_else(Vec::new, |v| markers(lights, v).map(|m| m.2).collect())
     }
 
     /// What the last frame shows, 0x00RRGGBB row by row.
