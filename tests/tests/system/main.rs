@@ -6,6 +6,7 @@
 )]
 
 mod bad_input;
+mod edits;
 mod lockstep;
 mod no_display;
 mod python;
