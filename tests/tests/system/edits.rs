@@ -128,8 +128,13 @@ fn a_pushed_object_leaves_no_ghost_and_the_picture_settles() {
     let settled = scenes.picture("push", 59);
     let (scores, _) = metrics::score(&settled, &new).unwrap();
     assert!(scores.flip <= 1.1 * there.flip + 0.001, "{line}");
-    let ghosts = |frame| ghost_share(&scenes.picture("push", frame), &old, &new).unwrap();
-    assert!(ghosts(20) < 0.005 && ghosts(59) < 0.0005, "{line}");
+    // What is left is where the references differ by less than noise.
+    let ghosts = |name, frame| ghost_share(&scenes.picture(name, frame), &old, &new).unwrap();
+    let noise = ghosts("there", 49);
+    assert!(
+        ghosts("push", 20) < noise + 0.002 && ghosts("push", 59) < noise + 0.001,
+        "{line} {noise}"
+    );
 }
 
 #[test]
@@ -152,8 +157,9 @@ fn a_light_that_is_turned_down_is_forgotten() {
     let share = |frame| ghost_share(&scenes.picture("off", frame), &old, &new).unwrap();
     let shares = [9, 12, 15, 20, 39].map(share);
     println!("ghosts after 0, 3, 6, 11 and 30 frames of a dim light: {shares:?}");
-    assert!(shares[0] > 0.9, "{shares:?}");
-    assert!(shares[3] < 0.02 && shares[4] < 0.001, "{shares:?}");
+    // Half of the picture is background, which no light changes.
+    assert!(shares[0] > 0.45, "{shares:?}");
+    assert!(shares[3] < 0.01 && shares[4] < 0.001, "{shares:?}");
 }
 
 #[test]
