@@ -55,6 +55,19 @@ pub enum Culling {
     Rays,
 }
 
+/// Which shadow edges keep samples apart.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
+#[serde(rename_all = "kebab-case")]
+pub enum ShadowEdges {
+    /// None.
+    Off,
+    /// Every umbral and penumbral edge: the paper's.
+    All,
+    /// One line along each hard or narrow shadow, where its light can be seen to matter.
+    #[default]
+    Chosen,
+}
+
 /// How points seen through a nearer surface are told from visible ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
@@ -104,6 +117,9 @@ impl Switch {
     }
 }
 
+/// Default of [`Choices::shadow_width`].
+const NARROW_PX: f32 = 2.0;
+
 /// The choices.
 #[derive(Args, Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Choices {
@@ -119,6 +135,12 @@ pub struct Choices {
     /// How hidden edges are told from visible ones
     #[arg(long, value_enum, default_value_t)]
     pub culling: Culling,
+    /// Which edges of shadows keep samples apart
+    #[arg(long, value_enum, default_value_t)]
+    pub shadow_edges: ShadowEdges,
+    /// Greatest width of a penumbra on screen whose edge is chosen, pixels
+    #[arg(long, default_value_t = NARROW_PX, value_name = "PX")]
+    pub shadow_width: f32,
     /// How points seen through a nearer surface are told from visible ones
     #[arg(long, value_enum, default_value_t)]
     pub point_culling: PointCulling,
@@ -149,6 +171,8 @@ impl Default for Choices {
             interpolation: Interpolation::default(),
             priority: Priority::default(),
             culling: Culling::default(),
+            shadow_edges: ShadowEdges::default(),
+            shadow_width: NARROW_PX,
             point_culling: PointCulling::default(),
             place_bits: PlaceBits::default(),
             antialias: Switch::default(),

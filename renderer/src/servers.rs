@@ -42,6 +42,7 @@ pub struct Servers {
     samples: Vec<ReceivedSample>,
     met: Vec<Triple>,
     triples: std::collections::BTreeSet<Triple>,
+    news: Vec<Triple>,
     warned: bool,
 }
 
@@ -67,6 +68,7 @@ impl Servers {
             samples: Vec::new(),
             met: Vec::new(),
             triples: std::collections::BTreeSet::new(),
+            news: Vec::new(),
             warned: false,
         })
     }
@@ -152,12 +154,23 @@ impl Servers {
             epoch: r.epoch,
             sample: r.sample,
         }));
-        self.triples.extend(self.met.drain(..));
+        for triple in self.met.drain(..) {
+            if self.triples.insert(triple) {
+                self.news.push(triple);
+            }
+        }
     }
 
     /// Servers that take requests.
     pub fn connected(&self) -> usize {
         self.link.status().connected
+    }
+
+    /// Triples that have come since this was called last, in their order.
+    pub fn new_triples(&mut self) -> Vec<Triple> {
+        let mut news = std::mem::take(&mut self.news);
+        news.sort_unstable();
+        news
     }
 
     /// Light-blocker-receiver triples that servers have met.

@@ -275,12 +275,14 @@ impl Eye<'_> {
             origin: view.eye,
             direction: view.right * p.x + view.up * p.y + view.forward * p.z,
         };
-        let (object, own) = (self.edges.object[edge], self.edges.faces[edge]);
+        let objects = [self.edges.object[edge], self.edges.second[edge]];
+        let own = self.edges.faces[edge];
         let light = own == [super::list::NO_FACE; 2];
         self.rays += 1;
         self.world
             .occluder_where(&ray, 1.0 - self.settings.tolerance, |instance, face| {
-                instance != object || !(light || own.contains(&face))
+                let is_own = |k: usize| instance == objects[k] && (light || face == own[k]);
+                !(is_own(0) || is_own(1))
             })
             .is_none()
     }

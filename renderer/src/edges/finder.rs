@@ -132,6 +132,15 @@ impl EdgeFinder {
         }
     }
 
+    /// Adjacency and tree of an object, which those that share its mesh share.
+    ///
+    /// # Panics
+    /// If there is no such object.
+    pub fn prepared(&self, object: usize) -> (Arc<Adjacency>, Arc<EdgeTree>) {
+        let object = &self.objects[object];
+        (Arc::clone(&object.adjacency), Arc::clone(&object.tree))
+    }
+
     /// Moves an object; an index past the last object is ignored.
     pub fn set_transform(&mut self, object: usize, transform: &Affine) {
         if let Some(object) = self.objects.get_mut(object)
@@ -179,6 +188,7 @@ impl EdgeFinder {
                 out.to.push(to_view.apply(vertices[next]).as_vec3().into());
                 out.kind.push(EdgeKind::Border);
                 out.object.push(object);
+                out.second.push(object);
                 out.faces.push([NO_FACE; 2]);
                 out.vertices.push([i as u32, next as u32]);
             }
@@ -227,6 +237,7 @@ impl EdgeFinder {
             out.to.push(to);
             out.kind.push(kind);
             out.object.push(index as u32);
+            out.second.push(index as u32);
             out.faces
                 .push([faces[0], faces.get(1).copied().unwrap_or(NO_FACE)]);
             out.vertices.push(ends);

@@ -17,12 +17,16 @@ pub struct EdgeList {
     pub kind: Vec<EdgeKind>,
     /// Index of its object; those past the scene's objects are area lights, in the scene's order among area lights.
     pub object: Vec<u32>,
-    /// Two of its faces in the object's mesh, or [`NO_FACE`].
+    /// The object that the second of its faces belongs to: another one where two objects pass through one another.
+    pub second: Vec<u32>,
+    /// Two of its faces in the object's mesh, or [`NO_FACE`]; of a shadow edge the one that it lies on.
     pub faces: Vec<[u32; 2]>,
     /// Its ends among the object's welded vertices: equal where edges of one object meet.
     pub vertices: Vec<[u32; 2]>,
     /// Which search filled this list: changes whenever the edges do, and is 0 for a list that was never filled.
     pub generation: u64,
+    /// Changes whenever shadow edges and intersection creases do, which follow those of the meshes.
+    pub appended: u64,
 }
 
 impl EdgeList {
@@ -42,8 +46,20 @@ impl EdgeList {
         self.to.clear();
         self.kind.clear();
         self.object.clear();
+        self.second.clear();
         self.faces.clear();
         self.vertices.clear();
+    }
+
+    /// Forgets all edges but the first ones.
+    pub fn truncate(&mut self, len: usize) {
+        self.from.truncate(len);
+        self.to.truncate(len);
+        self.kind.truncate(len);
+        self.object.truncate(len);
+        self.second.truncate(len);
+        self.faces.truncate(len);
+        self.vertices.truncate(len);
     }
 
     /// How many edges are of a kind.

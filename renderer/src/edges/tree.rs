@@ -8,6 +8,7 @@
 
 use super::adjacency::{Adjacency, EyeBox, Facing};
 use super::tree_build;
+use crate::shadows::wedge::EventKind;
 
 /// Nodes are tested in groups of this many.
 pub(super) const LANES: usize = 8;
@@ -30,6 +31,10 @@ pub enum EdgeKind {
     Border,
     /// Has three or more faces, which differ in facing or meet in a crease.
     NonManifold,
+    /// Where two objects pass through one another: no edge of either.
+    Meeting,
+    /// Where a shadow begins or ends on a surface (paper section 6.3).
+    Shadow(EventKind),
 }
 
 /// Eight sibling nodes, by component.

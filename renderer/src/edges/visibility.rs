@@ -28,7 +28,7 @@ pub struct EdgeDrawer {
     visible: VisibleEdges,
     rays: RayScratch,
     depth: FilteredDepth,
-    drawn: Option<(u64, bool, Option<RaySettings>)>,
+    drawn: Option<([u64; 2], bool, Option<RaySettings>)>,
 }
 
 impl EdgeDrawer {
@@ -44,9 +44,11 @@ impl EdgeDrawer {
         out: &mut Crossings,
     ) -> bool {
         let key = match hiding {
-            Hiding::None => Some((edges.generation, half, None)),
+            Hiding::None => Some(([edges.generation, edges.appended], half, None)),
             Hiding::Points(..) => None,
-            Hiding::Rays(_, settings) => Some((edges.generation, half, Some(settings))),
+            Hiding::Rays(_, settings) => {
+                Some(([edges.generation, edges.appended], half, Some(settings)))
+            }
         };
         if key.is_some() && key == self.drawn {
             return false;

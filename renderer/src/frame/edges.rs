@@ -2,18 +2,20 @@
 
 use fearless_simd::Level;
 use glam::Affine3A;
+use protocol::messages::Triple;
 use protocol::scene::{Light, Scene};
 use rays::{Ray, World};
 
 use super::placed::{Changes, Placed};
 use crate::camera::View;
-use crate::config::{Choices, Culling, Method, PointCulling};
+use crate::config::{Choices, Culling, Method, PointCulling, ShadowEdges};
 use crate::edges::by_rays::RaySettings;
 use crate::edges::crossings::Crossings;
 use crate::edges::depth::{DepthBuffer, DepthOffset};
 use crate::edges::finder::EdgeFinder;
 use crate::edges::list::EdgeList;
 use crate::edges::visibility::{EdgeDrawer, Hiding};
+use crate::edges::visible::VisibleEdges;
 use crate::edges::world::{affine, polygon, world_of};
 use crate::epi::Epi;
 use crate::epi::bends::mark_bends;
@@ -22,6 +24,10 @@ use crate::epi::grid::Grid;
 use crate::points::PixelSamples;
 use crate::points::cull::Suspect;
 use crate::points::project::FAR_DEPTH;
+use crate::shadows::list::append;
+use crate::shadows::store::Shadows;
+use crate::shadows::worker::Lines;
+use crate::shadows::worth::{Tally, Worth};
 use crate::stats::{Stage, StageMs};
 
 /// Everything about edges that lasts from frame to frame.
@@ -35,6 +41,13 @@ pub struct EdgeStage {
     half: bool,
     crossings: Crossings,
     changed: bool,
+    shadows: Option<Shadows>,
+    worth: Worth,
+    /// More than any mesh has vertices.
+    vertices: u32,
+    /// Edges of meshes in the list; the others follow.
+    of_meshes: usize,
+    tally: Tally,
 }
 
 impl EdgeStage {
@@ -42,8 +55,22 @@ impl EdgeStage {
     pub fn new(scene: &Scene, choices: Choices, grid: Grid) -> Self {
         let rays = (choices.edges() && choices.culling == Culling::Rays)
             || choices.point_culling == PointCulling::Rays;
+        let finder = EdgeFinder::new(scene);
+        let shadows = choices
+            .edges()
+            .then(|| Shadows::new(scene, &finder, lines_of(choices)));
         Self {
-            finder: EdgeFinder::new(scene),
+            shadows,
+            worth: worth_of(choices),
+            vertices: scene
+                .meshes
+                .iter()
+                .map(|m| m.positions.len() as u32)
+                .max()
+                .unwrap_or(0),
+            of_meshes: 0,
+            tally: Tally::default(),
+            finder,
             list: EdgeList::default(),
             drawer: EdgeDrawer::default(),
             depth: DepthBuffer::default(),
@@ -63,6 +90,25 @@ impl EdgeStage {
         self.half = choices.method == Method::EdgeAndPoint;
         self.crossings = Crossings::new(grid.width, grid.height);
         self.changed = true;
+        self.worth = worth_of(choices);
+        if let Some(shadows) = &mut self.shadows {
+            shadows.set_lines(lines_of(choices));
+        }
+    }
+
+    /// Takes in what samples met.
+    pub fn learn(&mut self, triples: &[Triple]) {
+        if let Some(shadows) = &mut self.shadows {
+            shadows.learn(triples);
+        }
+    }
+
+    /// Computes the shadow edges and intersection creases that are wanting, in the background, and waits for them if `wait`
+    /// is set.
+    pub fn update_shadows(&mut self, wait: bool) {
+        if let Some(shadows) = &mut self.shadows {
+            shadows.update(wait);
+        }
     }
 
     /// Moves what an edit changed; `placed` is the scene after it.
@@ -86,20 +132,42 @@ impl EdgeStage {
         if let Some(world) = &mut self.world {
             world.refit();
         }
+        if let Some(shadows) = &mut self.shadows {
+            for (object, _, after) in &changes.objects {
+                shadows.move_object(*object, after);
+            }
+            for (light, _, after) in &changes.lights {
+                shadows.change_light(*light, after);
+            }
+        }
     }
 
     /// Finds the view's edges and draws those that can be seen. With rays it does nothing while nothing moves; with points
     /// the answer depends on the samples, so that edges are drawn anew in every frame.
-    pub fn find(&mut self, view: &View, pixels: &PixelSamples, ms: &mut StageMs) {
+    pub fn find(&mut self, view: &View, lights: &[Light], pixels: &PixelSamples, ms: &mut StageMs) {
         let Self {
             finder,
             list,
             drawer,
             depth,
             crossings,
+            shadows,
             ..
         } = self;
-        ms.time(Stage::FindEdges, || finder.find(view, list));
+        let (worth, vertices) = (self.worth, self.vertices);
+        let (of_meshes, tally) = (&mut self.of_meshes, &mut self.tally);
+        ms.time(Stage::FindEdges, || {
+            let anew = finder.find(view, list);
+            if anew {
+                *of_meshes = list.len();
+            }
+            let Some(shadows) = shadows else { return };
+            if anew || list.appended != shadows.generation() {
+                list.truncate(*of_meshes);
+                *tally = append(shadows, lights, view, worth, vertices, list);
+                list.appended = shadows.generation();
+            }
+        });
         if self.culling == Culling::Points {
             ms.time(Stage::Depth, || copy_depth(pixels, depth));
         }
@@ -129,14 +197,50 @@ impl EdgeStage {
         &self.crossings
     }
 
-    /// Edges found in the frame, before culling.
-    pub fn found(&self) -> usize {
-        self.list.len()
+    /// Edges of meshes found in the frame, before culling, and shadow edges.
+    pub fn found(&self) -> [usize; 2] {
+        [self.of_meshes, self.tally.drawn]
+    }
+
+    /// What became of the shadow edges.
+    pub fn tally(&self) -> Tally {
+        self.tally
+    }
+
+    /// The frame's edges, before culling.
+    pub fn list(&self) -> &EdgeList {
+        &self.list
+    }
+
+    /// Which of them can be seen, where rays decided about it.
+    pub fn visible(&self) -> &VisibleEdges {
+        self.drawer.visible()
     }
 
     /// The scene for rays, where the choices need it.
     pub fn world(&self) -> Option<&World> {
         self.world.as_ref()
+    }
+}
+
+/// Least change of the picture that a shadow edge is drawn for, steps of the display.
+const STEPS: f32 = 1.0;
+
+fn worth_of(choices: Choices) -> Worth {
+    match choices.shadow_edges {
+        ShadowEdges::Off | ShadowEdges::All => Worth::ALL,
+        ShadowEdges::Chosen => Worth {
+            width_px: choices.shadow_width,
+            steps: STEPS,
+        },
+    }
+}
+
+fn lines_of(choices: Choices) -> Option<Lines> {
+    match choices.shadow_edges {
+        ShadowEdges::Off => None,
+        ShadowEdges::All => Some(Lines::Boundaries),
+        ShadowEdges::Chosen => Some(Lines::Middle),
     }
 }
 

@@ -8,6 +8,7 @@ mod plan;
 mod rebuild;
 
 use fearless_simd::Level;
+use protocol::messages::Triple;
 use protocol::scene::Scene;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
@@ -30,6 +31,7 @@ use crate::points::{Due, PixelSamples, PointCache, Still};
 use crate::sampling::choose::Chooser;
 use crate::sampling::predict::Prediction;
 use crate::sampling::priority::{self, Priorities, Rule};
+use crate::shadows::worth::Tally;
 use crate::stats::{FrameStats, PixelKinds, Stage, StageMs};
 
 pub use edges::EdgeStage;
@@ -155,6 +157,22 @@ impl Display {
         Ok(())
     }
 
+    /// Takes in which lights, blockers and receivers samples have met.
+    pub fn learn(&mut self, triples: &[Triple]) {
+        self.edges.learn(triples);
+    }
+
+    /// Has shadow edges computed that are wanting, in the background, and takes in those that are ready. With `wait` it
+    /// waits for all of them, so that what is drawn next does not depend on how fast that goes.
+    pub fn update_shadows(&mut self, wait: bool) {
+        self.edges.update_shadows(wait);
+    }
+
+    /// What became of the shadow edges of the last frame.
+    pub fn shadow_tally(&self) -> Tally {
+        self.edges.tally()
+    }
+
     /// Says where the first frame will be drawn from, before any samples come in.
     pub fn begin(&mut self, view: &View, view_number: u32) {
         self.view = Some(*view);
@@ -178,7 +196,8 @@ impl Display {
         }
         let mut ms = std::mem::take(&mut self.stage_ms);
         if self.choices.edges() {
-            self.edges.find(view, &self.pixels, &mut ms);
+            self.edges
+                .find(view, self.placed.lights(), &self.pixels, &mut ms);
             ms.time(Stage::Classify, || {
                 self.edges.classify(self.level, &mut self.epi);
             });
@@ -430,7 +449,8 @@ impl Display {
             frame,
             total_ms: stage_ms.total(),
             stage_ms,
-            silhouette_edges: self.edges.found(),
+            silhouette_edges: self.edges.found()[0],
+            shadow_edges: self.edges.found()[1],
             pixels: PixelKinds {
                 empty: counts.empty,
                 simple: counts.simple,

@@ -154,6 +154,8 @@ fn sparse(
         } else {
             servers.drain(&mut received);
         }
+        display.learn(&servers.new_triples());
+        display.update_shadows(args.lockstep || frame == 0);
         let wait_ms = waited.elapsed().as_secs_f64() * 1e3;
         display.receive(&received, number);
         display.draw(&view, number);

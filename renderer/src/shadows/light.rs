@@ -57,6 +57,25 @@ impl ShadowLight {
         light
     }
 
+    /// The point light at the middle of its vertices.
+    #[must_use]
+    pub fn middle(&self) -> Self {
+        let mut light = Self::default();
+        if !self.vertices.is_empty() {
+            let middle = self.vertices.iter().sum::<DVec3>() / self.vertices.len() as f64;
+            light.set(std::iter::once(middle), [0], false);
+        }
+        light
+    }
+
+    /// Greatest distance between two vertices.
+    pub fn extent(&self) -> f64 {
+        let pairs = self.vertices.iter().enumerate();
+        let distances =
+            pairs.flat_map(|(i, a)| self.vertices[i + 1..].iter().map(|b| a.distance(*b)));
+        distances.fold(0.0, f64::max)
+    }
+
     fn set(
         &mut self,
         vertices: impl Iterator<Item = DVec3>,

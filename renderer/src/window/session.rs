@@ -194,6 +194,8 @@ impl Session {
     fn take_samples(&mut self) {
         self.received.clear();
         self.servers.drain(&mut self.received);
+        self.display.learn(&self.servers.new_triples());
+        self.display.update_shadows(false);
         if self.frozen || self.received.is_empty() {
             return;
         }

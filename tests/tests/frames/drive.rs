@@ -59,6 +59,7 @@ impl Theatre {
                 let pinhole = Pinhole::new(&from.camera());
                 received.extend(requests.iter().map(|request: &SampleRequest| Received {
                     view: asked,
+                    epoch: 0,
                     sample: shader.shade(request.id, &pinhole.ray(request)),
                 }));
             }

@@ -1,0 +1,76 @@
+//! Shadow edges and intersection creases as edges of a frame.
+
+use glam::{DMat3, DVec3};
+use protocol::scene::Light;
+
+use super::store::Shadows;
+use super::worth::{Judge, Tally, Verdict, Worth};
+use crate::camera::View;
+use crate::edges::list::{EdgeList, NO_FACE};
+use crate::edges::tree::EdgeKind;
+
+/// World space to view space (right, up, depth), in double precision.
+struct ToView {
+    eye: DVec3,
+    axes: DMat3,
+}
+
+impl ToView {
+    fn new(view: &View) -> Self {
+        let axes = [view.right, view.up, view.forward].map(|v| v.as_dvec3());
+        Self {
+            eye: view.eye.as_dvec3(),
+            axes: DMat3::from_cols(axes[0], axes[1], axes[2]).transpose(),
+        }
+    }
+
+    fn apply(&self, p: DVec3) -> [f32; 3] {
+        (self.axes * (p - self.eye)).as_vec3().into()
+    }
+}
+
+/// Appends intersection creases, and the shadow edges of these lights (by index in the scene) that are worth it, to the
+/// edges of a view. Vertices are numbered from `vertex` on, which is more than any mesh of the scene has.
+pub fn append(
+    shadows: &Shadows,
+    lights: &[Light],
+    view: &View,
+    worth: Worth,
+    mut vertex: u32,
+    out: &mut EdgeList,
+) -> Tally {
+    let to_view = ToView::new(view);
+    for meet in shadows.meets() {
+        out.from.push(to_view.apply(meet.from));
+        out.to.push(to_view.apply(meet.to));
+        out.kind.push(EdgeKind::Meeting);
+        out.object.push(meet.objects[0]);
+        out.second.push(meet.objects[1]);
+        out.faces.push(meet.faces);
+        out.vertices.push([vertex, vertex + 1]);
+        vertex += 2;
+    }
+    let mut tally = Tally::default();
+    for (light, cast) in shadows.edges() {
+        let Some(light) = lights.get(light as usize) else {
+            continue;
+        };
+        let judge = Judge::new(light, worth);
+        for (edge, ends) in cast.edges.iter().zip(&cast.vertices) {
+            let verdict = judge.judge(view, edge);
+            tally.count(verdict);
+            if verdict != Verdict::Drawn {
+                continue;
+            }
+            out.from.push(to_view.apply(edge.from));
+            out.to.push(to_view.apply(edge.to));
+            out.kind.push(EdgeKind::Shadow(edge.kind));
+            out.object.push(edge.receiver);
+            out.second.push(edge.receiver);
+            out.faces.push([edge.face, NO_FACE]);
+            out.vertices.push(ends.map(|v| vertex + v));
+        }
+        vertex += 2 * cast.edges.len() as u32;
+    }
+    tally
+}

@@ -1,0 +1,238 @@
+//! The shadow edges of a scene, kept by light, blocker and receiver (paper section 6.5).
+//!
+//! Driven by the triples that shader servers report: nothing is computed for a pair of light and blocker that no sample
+//! has met. A pair is computed whole, for all receivers known of it, since nearer ones hide others; it is computed again
+//! when another receiver turns up and when any of them moves. What an edit moved is taken to meet the same receivers as
+//! before until samples say more, so that its edges move with it at once. Pairs are computed in the order in which
+//! samples met them, which is that of what can be seen best: samples are asked for in that order.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use protocol::messages::Triple;
+use protocol::scene::{Affine, Light, Scene};
+
+use super::geometry::ShadowScene;
+use super::light::ShadowLight;
+use super::worker::{Answer, Cast, Job, Lines, Worker};
+use crate::edges::finder::EdgeFinder;
+use crate::edges::meets::Meet;
+
+/// A light and a blocker.
+#[derive(Debug, Default)]
+struct Pair {
+    receivers: BTreeSet<u32>,
+    /// Of the job that is under way or was the last.
+    version: u64,
+    /// Something has changed since that job was given.
+    stale: bool,
+    cast: Cast,
+}
+
+/// All shadow edges and intersection creases that are known.
+pub struct Shadows {
+    scene: Arc<ShadowScene>,
+    lines: Option<Lines>,
+    pairs: BTreeMap<(u32, u32), Pair>,
+    meets: Vec<Meet>,
+    meets_version: u64,
+    /// Objects that moved since creases were last asked for.
+    moved: Vec<u32>,
+    worker: Option<Worker>,
+    /// Jobs that have not been answered.
+    under_way: usize,
+    last_version: u64,
+    generation: u64,
+}
+
+impl Shadows {
+    /// Of a scene whose edges have been prepared; intersection creases are computed at once, and shadow edges, of these
+    /// lines of the lights, when triples come.
+    pub fn new(scene: &Scene, finder: &EdgeFinder, lines: Option<Lines>) -> Self {
+        let worker = Worker::start();
+        if let Err(error) = &worker {
+            tracing::warn!("no thread for shadow edges ({error}): there will be none");
+        }
+        let mut shadows = Self {
+            scene: Arc::new(ShadowScene::new(scene, finder)),
+            lines,
+            pairs: BTreeMap::new(),
+            meets: Vec::new(),
+            meets_version: 0,
+            moved: Vec::new(),
+            worker: worker.ok(),
+            under_way: 0,
+            last_version: 0,
+            generation: 1,
+        };
+        if scene.objects.len() > 1 {
+            shadows.ask_meets();
+        }
+        shadows
+    }
+
+    /// Changes which lines of the lights are wanted; what is known is computed again.
+    pub fn set_lines(&mut self, lines: Option<Lines>) {
+        if lines == self.lines {
+            return;
+        }
+        self.lines = lines;
+        for pair in self.pairs.values_mut() {
+            pair.stale = true;
+            pair.cast = Cast::default();
+        }
+        self.generation += 1;
+    }
+
+    /// Takes in what samples met.
+    pub fn learn(&mut self, triples: &[Triple]) {
+        for triple in triples {
+            let pair = self
+                .pairs
+                .entry((triple.light, triple.blocker))
+                .or_default();
+            pair.stale |= pair.receivers.insert(triple.receiver);
+        }
+    }
+
+    /// Moves an object.
+    pub fn move_object(&mut self, object: u32, transform: &Affine) {
+        let scene = Arc::make_mut(&mut self.scene);
+        if let Some(placed) = scene.objects.get_mut(object as usize) {
+            placed.place(transform);
+            self.moved.push(object);
+            for ((_, blocker), pair) in &mut self.pairs {
+                if *blocker == object {
+                    pair.stale = true;
+                    pair.cast = Cast::default();
+                } else if pair.receivers.contains(&object) {
+                    pair.stale = true;
+                    pair.cast.forget(object);
+                }
+            }
+            self.meets.retain(|meet| !meet.objects.contains(&object));
+            self.generation += 1;
+        }
+    }
+
+    /// Changes a light.
+    pub fn change_light(&mut self, light: u32, value: &Light) {
+        let changed = ShadowLight::new(value);
+        let scene = Arc::make_mut(&mut self.scene);
+        let Some(place) = scene.lights.get_mut(light as usize) else {
+            return;
+        };
+        if *place == changed {
+            return;
+        }
+        *place = changed;
+        for (_, pair) in self.pairs.range_mut((light, 0)..=(light, u32::MAX)) {
+            pair.stale = true;
+            pair.cast = Cast::default();
+        }
+        self.generation += 1;
+    }
+
+    /// Gives out what has to be computed and takes in what has been: all of it, waiting for what is under way, if
+    /// `wait` is set, so that the outcome does not depend on how fast the thread is.
+    pub fn update(&mut self, wait: bool) {
+        if !self.moved.is_empty() {
+            self.ask_meets();
+        }
+        if let Some(lines) = self.lines {
+            for (&pair, state) in &mut self.pairs {
+                if !state.stale {
+                    continue;
+                }
+                self.last_version += 1;
+                (state.version, state.stale) = (self.last_version, false);
+                let job = Job::Pair {
+                    pair,
+                    version: state.version,
+                    scene: Arc::clone(&self.scene),
+                    receivers: state.receivers.iter().copied().collect(),
+                    lines,
+                };
+                if self.worker.as_ref().is_some_and(|w| w.send(job)) {
+                    self.under_way += 1;
+                }
+            }
+        }
+        while self.under_way > 0 {
+            let Some(answer) = self.worker.as_ref().and_then(|w| w.answer(wait)) else {
+                break;
+            };
+            self.under_way -= 1;
+            self.take(answer);
+        }
+    }
+
+    fn ask_meets(&mut self) {
+        self.last_version += 1;
+        self.meets_version = self.last_version;
+        let job = Job::Meet {
+            version: self.meets_version,
+            scene: Arc::clone(&self.scene),
+            moved: std::mem::take(&mut self.moved),
+        };
+        if self.worker.as_ref().is_some_and(|w| w.send(job)) {
+            self.under_way += 1;
+        }
+    }
+
+    fn take(&mut self, answer: Answer) {
+        match answer {
+            Answer::Pair {
+                pair,
+                version,
+                cast,
+            } => {
+                // An answer to an older question is of no use: something has moved since.
+                let current = self.pairs.get_mut(&pair).filter(|p| p.version == version);
+                if let Some(state) = current.filter(|p| !p.stale) {
+                    state.cast = cast;
+                    self.generation += 1;
+                }
+            }
+            Answer::Meet { version, meets } => {
+                if version == self.meets_version && self.moved.is_empty() {
+                    self.meets = meets;
+                    self.generation += 1;
+                }
+            }
+        }
+    }
+
+    /// Changes whenever what [`Shadows::edges`] or [`Shadows::meets`] give does.
+    pub fn generation(&self) -> u64 {
+        self.generation
+    }
+
+    /// Jobs that the thread has not answered yet.
+    pub fn under_way(&self) -> usize {
+        self.under_way
+    }
+
+    /// Shadow edges, world space, with the index of the light that makes them.
+    pub fn edges(&self) -> impl Iterator<Item = (u32, &Cast)> {
+        self.pairs
+            .iter()
+            .filter(|(_, pair)| !pair.cast.edges.is_empty())
+            .map(|((light, _), pair)| (*light, &pair.cast))
+    }
+
+    /// Shadow events of all pairs.
+    pub fn events(&self) -> usize {
+        self.pairs.values().map(|pair| pair.cast.events).sum()
+    }
+
+    /// Where objects pass through one another, world space.
+    pub fn meets(&self) -> &[Meet] {
+        &self.meets
+    }
+
+    /// Lights and objects as they are now.
+    pub fn scene(&self) -> &ShadowScene {
+        &self.scene
+    }
+}
