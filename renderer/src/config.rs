@@ -118,7 +118,7 @@ impl Switch {
 }
 
 /// Default of [`Choices::shadow_width`].
-const NARROW_PX: f32 = 2.0;
+const NARROW: f32 = 1.5;
 
 /// The choices.
 #[derive(Args, Clone, Copy, Debug, PartialEq, Serialize)]
@@ -138,8 +138,8 @@ pub struct Choices {
     /// Which edges of shadows keep samples apart
     #[arg(long, value_enum, default_value_t)]
     pub shadow_edges: ShadowEdges,
-    /// Greatest width of a penumbra on screen whose edge is chosen, pixels
-    #[arg(long, default_value_t = NARROW_PX, value_name = "PX")]
+    /// Greatest width of a penumbra on screen whose edge is chosen, mean distances between samples
+    #[arg(long, default_value_t = NARROW, value_name = "RATIO")]
     pub shadow_width: f32,
     /// How points seen through a nearer surface are told from visible ones
     #[arg(long, value_enum, default_value_t)]
@@ -172,7 +172,7 @@ impl Default for Choices {
             priority: Priority::default(),
             culling: Culling::default(),
             shadow_edges: ShadowEdges::default(),
-            shadow_width: NARROW_PX,
+            shadow_width: NARROW,
             point_culling: PointCulling::default(),
             place_bits: PlaceBits::default(),
             antialias: Switch::default(),

@@ -42,12 +42,15 @@ pub struct EdgeStage {
     crossings: Crossings,
     changed: bool,
     shadows: Option<Shadows>,
+    choices: Choices,
     worth: Worth,
     /// More than any mesh has vertices.
     vertices: u32,
     /// Edges of meshes in the list; the others follow.
     of_meshes: usize,
     tally: Tally,
+    /// Generation of the shadows that the list holds.
+    known: u64,
 }
 
 impl EdgeStage {
@@ -61,7 +64,8 @@ impl EdgeStage {
             .then(|| Shadows::new(scene, &finder, lines_of(choices)));
         Self {
             shadows,
-            worth: worth_of(choices),
+            choices,
+            worth: Worth::ALL,
             vertices: scene
                 .meshes
                 .iter()
@@ -70,6 +74,7 @@ impl EdgeStage {
                 .unwrap_or(0),
             of_meshes: 0,
             tally: Tally::default(),
+            known: 0,
             finder,
             list: EdgeList::default(),
             drawer: EdgeDrawer::default(),
@@ -90,7 +95,7 @@ impl EdgeStage {
         self.half = choices.method == Method::EdgeAndPoint;
         self.crossings = Crossings::new(grid.width, grid.height);
         self.changed = true;
-        self.worth = worth_of(choices);
+        self.choices = choices;
         if let Some(shadows) = &mut self.shadows {
             shadows.set_lines(lines_of(choices));
         }
@@ -154,18 +159,22 @@ impl EdgeStage {
             shadows,
             ..
         } = self;
-        let (worth, vertices) = (self.worth, self.vertices);
+        let worth = worth_of(self.choices, pixels);
+        let judged_anew = std::mem::replace(&mut self.worth, worth) != worth;
+        let vertices = self.vertices;
         let (of_meshes, tally) = (&mut self.of_meshes, &mut self.tally);
+        let known = &mut self.known;
         ms.time(Stage::FindEdges, || {
             let anew = finder.find(view, list);
             if anew {
                 *of_meshes = list.len();
             }
             let Some(shadows) = shadows else { return };
-            if anew || list.appended != shadows.generation() {
+            if anew || judged_anew || *known != shadows.generation() {
                 list.truncate(*of_meshes);
                 *tally = append(shadows, lights, view, worth, vertices, list);
-                list.appended = shadows.generation();
+                *known = shadows.generation();
+                list.appended += 1;
             }
         });
         if self.culling == Culling::Points {
@@ -223,17 +232,29 @@ impl EdgeStage {
     }
 }
 
+/// Penumbrae wider than this are never cut, pixels: samples as sparse as that resolve nothing.
+const WIDEST_PX: f32 = 8.0;
+
 /// Least change of the picture that a shadow edge is drawn for, steps of the display.
 const STEPS: f32 = 1.0;
 
-fn worth_of(choices: Choices) -> Worth {
+/// A barrier pays where the penumbra is narrower than what the samples that there are can resolve.
+fn worth_of(choices: Choices, pixels: &PixelSamples) -> Worth {
     match choices.shadow_edges {
         ShadowEdges::Off | ShadowEdges::All => Worth::ALL,
         ShadowEdges::Chosen => Worth {
-            width_px: choices.shadow_width,
+            width_px: (choices.shadow_width * sample_spacing(pixels)).min(WIDEST_PX),
             steps: STEPS,
         },
     }
+}
+
+/// Mean distance between the samples that pixels have, pixels, rounded to powers of the root of 2, so that edges are
+/// judged anew a few times only while samples gather.
+fn sample_spacing(pixels: &PixelSamples) -> f32 {
+    let all = (pixels.grid.width * pixels.grid.height) as f32;
+    let share = pixels.visible().max(1) as f32 / all;
+    (-0.5 * share.log2().round()).exp2()
 }
 
 fn lines_of(choices: Choices) -> Option<Lines> {

@@ -346,7 +346,8 @@ mod tests {
         let right = score(Vec3::ZERO);
         assert!(right.steps > 40 && right.recall() == 1.0, "{right:?}");
         assert!(right.precision() == 1.0, "{right:?}");
-        let shifted = score(Vec3::new(0.1, 0.0, 0.0));
+        // Askew, so that no side of the outline is moved along itself.
+        let shifted = score(Vec3::new(0.13, 0.0, 0.17));
         assert!(
             shifted.recall() < 0.3 && shifted.precision() < 0.3,
             "{shifted:?}"
