@@ -51,6 +51,9 @@ pub struct ServerArgs {
     /// Threads of each shader server that is started (default: all cores, shared among them; all but one with a window)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub shader_threads: Option<u16>,
+    /// The shader server that is built in takes equally many shadow rays everywhere: noisier, and right on average.
+    #[arg(skip)]
+    pub even_shadow_rays: bool,
 }
 
 /// Options of the window.

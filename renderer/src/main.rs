@@ -6,7 +6,8 @@ use std::sync::Arc;
 
 use anyhow::Result;
 use clap::Parser;
-use renderer::cli::{Cli, Command, DEFAULT_SCENE, RenderArgs, WindowArgs};
+use renderer::cli::{Cli, Command, DEFAULT_SCENE, RenderArgs, ServerArgs, WindowArgs};
+use renderer::config::Method;
 use renderer::headless::{self, Subject};
 use renderer::servers::Servers;
 use renderer::window::{self, WindowError};
@@ -81,7 +82,11 @@ fn render(loaded: LoadedScene, args: &RenderArgs) -> Result<()> {
     } = loaded;
     let scene = Arc::new(scene);
     let pixels = args.size.0 as usize * args.size.1 as usize;
-    let mut servers = Servers::start(&args.servers, &scene, args.seed, pixels, None)?;
+    let server_args = ServerArgs {
+        even_shadow_rays: args.choices.method == Method::Reference,
+        ..args.servers.clone()
+    };
+    let mut servers = Servers::start(&server_args, &scene, args.seed, pixels, None)?;
     let subject = Subject {
         scene: &scene,
         camera: &camera,

@@ -36,6 +36,10 @@ pub enum ServersError {
     Stalled,
 }
 
+/// Strata a side of an area light where each is asked one ray. Adaptive rays stop where the first all agree, which leaves
+/// out up to 1.4 % of a light beside its penumbra: too much for the mean of a thousand samples.
+const EVEN_STRATA: usize = 4;
+
 /// All shader servers of a run.
 pub struct Servers {
     link: Link,
@@ -207,6 +211,10 @@ fn sources(args: &ServerArgs) -> Result<Vec<ServerSource>, ServersError> {
     // A foreign program is only told its threads if they were asked for: it need not know the option.
     if args.shader.is_none() || args.shader_threads.is_some() {
         own.extend(["--threads".into(), threads.to_string().into()]);
+    }
+    if args.shader.is_none() && args.even_shadow_rays {
+        let strata = EVEN_STRATA.to_string();
+        own.extend(["--shadow-rays", "1", "--light-strata", &strata].map(OsString::from));
     }
     let source = ServerSource::Spawn { program, args: own };
     Ok(vec![source; usize::from(args.shaders)])

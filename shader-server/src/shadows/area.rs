@@ -291,7 +291,12 @@ pub(super) fn fraction(
     };
     let mut answers = Vec::with_capacity(64);
     probe.ask(&mut level, stream, &mut answers);
-    let corners = probe.corners();
+    let adaptive = 4 + (probe.shadows.rays - before) as u32 <= method.max_rays;
+    let corners = if adaptive {
+        probe.corners()
+    } else {
+        Vec::new()
+    };
     let beyond = if shape.fills_square() {
         Beyond::new(&corners)
     } else {
