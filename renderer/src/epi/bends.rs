@@ -13,10 +13,11 @@ use crate::edges::visible::VisibleEdges;
 /// code tells. Call after [`classify`](super::classify::classify), before [`Epi::set_primary`].
 pub fn mark_bends(visible: &VisibleEdges, epi: &mut Epi) {
     for (segment, range) in visible.segment.iter().zip(&visible.range) {
-        for end in 0..2 {
+        let ends = segment.ends.iter().zip(segment.along).zip(range);
+        for (((place, along), seen), end) in ends.zip([0.0, 1.0]) {
             // Where an edge goes behind a nearer one it has no corner.
-            if range[end] == end as f64 && segment.along[end] == end as f64 {
-                mark(segment.ends[end], epi);
+            if *seen == end && along == end {
+                mark(*place, epi);
             }
         }
     }

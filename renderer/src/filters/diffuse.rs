@@ -193,7 +193,8 @@ impl Diffusion {
                 }
                 let (at, from) = (grid.at(word * 64 + group, y), word * 64 + group);
                 for (rgb, row) in out.rgb.iter_mut().zip(&self.row) {
-                    rgb[at..at + lanes].copy_from_slice(&row[from..from + lanes]);
+                    S::f32s::from_slice(simd, &row[from..from + lanes])
+                        .store_slice(&mut rgb[at..at + lanes]);
                 }
             }
         }

@@ -84,7 +84,7 @@ impl Spread {
         if left.iter().any(|&w| w != 0) {
             match care {
                 Care::Planes => {
-                    self.fill_near_edges(samples, near, (wanted_x, wanted_y), &left, out)
+                    self.fill_near_edges(samples, near, (wanted_x, wanted_y), &left, out);
                 }
                 Care::Membrane => {
                     for (left, complex) in left.iter_mut().zip(near.complex) {

@@ -279,15 +279,12 @@ mod tests {
         }
         (0..50).for_each(|slot| cache.remove(slot * 7));
         let capacity = cache.capacity();
-        let mut plain = [
-            vec![0; capacity],
-            vec![0; capacity],
-            vec![OUTSIDE; capacity],
-        ];
+        let mut plain = [Vec::new(), Vec::new(), Vec::new()];
         for i in 0..capacity {
             let mut one = Projected::default();
             project_one(&cache, &view, i, 0, &mut one);
-            (plain[0][i], plain[1][i], plain[2][i]) = (one.x[0], one.y[0], one.depth[0]);
+            let values = [one.x[0], one.y[0], one.depth[0]];
+            plain.iter_mut().zip(values).for_each(|(p, v)| p.push(v));
         }
         for level in [Level::new(), Level::baseline()] {
             let mut visited = Vec::new();

@@ -13,10 +13,10 @@ use shader_server::{Shader, Stage};
 
 /// A scene from the text of its file.
 pub(crate) fn scene(text: &str) -> LoadedScene {
-    let folder = tempfile::tempdir().unwrap();
+    let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("scene.toml");
-    std::fs::write(&file, text).unwrap();
-    scenes::load(&file).unwrap()
+    std::fs::write(&file, text).expect("a scene file");
+    scenes::load(&file).expect("a scene")
 }
 
 /// A scene with its trees.
@@ -28,7 +28,7 @@ pub(crate) struct Theatre {
 impl Theatre {
     pub(crate) fn new(text: &str) -> Self {
         let loaded = scene(text);
-        let stage = Stage::build(Arc::new(loaded.scene.clone())).unwrap();
+        let stage = Stage::build(Arc::new(loaded.scene.clone())).expect("a stage");
         Self { loaded, stage }
     }
 

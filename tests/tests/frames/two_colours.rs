@@ -83,7 +83,15 @@ fn paths() -> [(&'static str, Vec<View>); 5] {
             "nearer and back, in steps",
             frames(&|i| {
                 at(
-                    [0.0, 0.1, if i as u32 / 6 % 2 == 0 { 4.0 } else { 2.6 }],
+                    [
+                        0.0,
+                        0.1,
+                        if (i as u32 / 6).is_multiple_of(2) {
+                            4.0
+                        } else {
+                            2.6
+                        },
+                    ],
                     [0.0; 3],
                 )
             }),
