@@ -14,6 +14,9 @@ use super::light::ShadowLight;
 use super::wedge::Event;
 use crate::edges::meets::{Meet, Meets};
 
+/// Most shadow edges of a pair of light and blocker. Foliage can throw more than anybody can see or any memory hold.
+const MOST_EDGES: usize = 1 << 20;
+
 /// Which lines of a light stand for its shadows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Lines {
@@ -262,6 +265,12 @@ impl Shop {
                 ..*event
             };
             cast_event(&world, &list, &mut self.casting, out);
+            if out.len() > MOST_EDGES {
+                tracing::warn!(
+                    "object {blocker} throws more than {MOST_EDGES} shadow edges: the others are left out"
+                );
+                break;
+            }
         }
     }
 }
