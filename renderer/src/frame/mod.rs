@@ -13,7 +13,7 @@ use protocol::scene::Scene;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
 use crate::camera::View;
-use crate::config::{Choices, Interpolation, Method, PlaceBits, PointCulling, Priority};
+use crate::config::{Choices, Culling, Interpolation, Method, PlaceBits, PointCulling, Priority};
 use crate::epi::code::{Places, Side};
 use crate::epi::grid::Grid;
 use crate::epi::reach::ReachMap;
@@ -24,6 +24,7 @@ use crate::filters::diffuse::Neighbours;
 use crate::filters::interpolate::{self, Interpolated, interpolate};
 use crate::filters::settle::settle;
 use crate::filters::spread::{Care, Spread};
+use crate::points::between::Between;
 use crate::points::cull::{Ask, CullScratch, cull};
 use crate::points::project::{Nearest, Projected, project};
 use crate::points::still::Mean;
@@ -75,6 +76,7 @@ pub struct Display {
     image: [Vec<f32>; 3],
     ageing: f32,
     culling: CullScratch,
+    between: Between,
     priorities: Priorities,
     chooser: Chooser,
     prediction: Prediction,
@@ -132,6 +134,7 @@ impl Display {
             image: [plane(), plane(), plane()],
             ageing: 0.0,
             culling: CullScratch::new(grid),
+            between: Between::new(grid),
             priorities: Priorities::new(grid),
             chooser: Chooser::default(),
             prediction: Prediction::default(),
@@ -191,17 +194,18 @@ impl Display {
         }
         self.stale = false;
         let settling = self.choices.settle.is_on();
+        // Edges that rays decide about need no points; those edges then help to tell hidden points.
+        let edges_first = self.choices.edges() && self.choices.culling != Culling::Points;
+        if edges_first {
+            self.find_edges(view);
+        }
         if moved || !settling {
-            self.reproject(view);
+            self.reproject(view, edges_first);
+        }
+        if self.choices.edges() && !edges_first {
+            self.find_edges(view);
         }
         let mut ms = std::mem::take(&mut self.stage_ms);
-        if self.choices.edges() {
-            self.edges
-                .find(view, self.placed.lights(), &self.pixels, &mut ms);
-            ms.time(Stage::Classify, || {
-                self.edges.classify(self.level, &mut self.epi);
-            });
-        }
         ms.time(Stage::Classify, || self.settle_primary());
         ms.time(Stage::Reach, || self.reach.compute(self.level, &self.epi));
         ms.time(Stage::Interpolate, || self.interpolate());
@@ -219,7 +223,17 @@ impl Display {
         self.stage_ms = ms;
     }
 
-    fn reproject(&mut self, view: &View) {
+    fn find_edges(&mut self, view: &View) {
+        let mut ms = std::mem::take(&mut self.stage_ms);
+        self.edges
+            .find(view, self.placed.lights(), &self.pixels, &mut ms);
+        ms.time(Stage::Classify, || {
+            self.edges.classify(self.level, &mut self.epi);
+        });
+        self.stage_ms = ms;
+    }
+
+    fn reproject(&mut self, view: &View, edges_known: bool) {
         let mut ms = std::mem::take(&mut self.stage_ms);
         ms.time(Stage::Reproject, || {
             project(
@@ -230,12 +244,15 @@ impl Display {
                 &mut self.pixels,
             );
         });
-        ms.time(Stage::Depth, || self.cull_points(view));
+        ms.time(Stage::Depth, || self.cull_points(view, edges_known));
         ms.time(Stage::Reproject, || self.weigh_due());
         self.stage_ms = ms;
     }
 
-    fn cull_points(&mut self, view: &View) {
+    fn cull_points(&mut self, view: &View, edges_known: bool) {
+        if edges_known && self.choices.point_culling == PointCulling::Rays {
+            self.tell_by_edges();
+        }
         let (world, cache) = (self.edges.world(), &mut self.cache);
         let (level, pixels, scratch) = (self.level, &mut self.pixels, &mut self.culling);
         match self.choices.point_culling {
@@ -258,6 +275,25 @@ impl Display {
         let step = self.ageing.floor().min(255.0);
         self.ageing -= step;
         self.cache.grow_older(step as u8);
+    }
+
+    /// Takes away the points that the frame's edges and their neighbours show to be hidden.
+    fn tell_by_edges(&mut self) {
+        let (grid, edges) = (self.grid, [&self.epi.simple[..], &self.epi.complex[..]]);
+        self.between.find(self.level, &self.pixels, edges);
+        let Self {
+            between,
+            pixels,
+            cache,
+            ..
+        } = self;
+        for_each_bit(grid, &between.hidden, |x, y| {
+            cache.hide(pixels.point[grid.at(x, y)]);
+            pixels.remove(x, y);
+        });
+        for (doubtful, hidden) in pixels.doubtful.iter_mut().zip(&between.hidden) {
+            *doubtful &= !hidden;
+        }
     }
 
     /// Puts the means of a still camera into their pixels, and settles primary regions and their middles.
