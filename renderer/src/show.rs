@@ -1,7 +1,11 @@
 //! What a person can be shown of a frame: the picture, or one stage of its making.
 
+mod edges;
+
 use clap::ValueEnum;
 
+use crate::edges::list::EdgeList;
+use crate::edges::visible::VisibleEdges;
 use crate::epi::Epi;
 use crate::epi::code::EdgeCode;
 use crate::epi::grid::Grid;
@@ -15,7 +19,8 @@ pub enum Show {
     /// The finished frame.
     #[default]
     Picture,
-    /// The frame, dimmed, under its edges: yellow in simple pixels, magenta in complex ones.
+    /// The frame, dimmed, under its edges: those of meshes yellow in simple pixels and magenta in complex ones; hard shadow
+    /// edges green, penumbral blue, umbral red; where objects pass through one another, cyan.
     Edges,
     /// Empty pixels blue, simple ones green, complex ones red; bright where there is a sample.
     Classes,
@@ -60,6 +65,10 @@ pub struct Stages<'a> {
     pub image: &'a [Vec<f32>; 3],
     /// Pixel classes.
     pub epi: &'a Epi,
+    /// Edges.
+    pub edges: &'a EdgeList,
+    /// Which parts of them can be seen, where rays decided about it; else none.
+    pub seen: &'a VisibleEdges,
     /// Samples.
     pub pixels: &'a PixelSamples,
     /// What the last plan was made from.
@@ -73,6 +82,8 @@ impl<'a> Stages<'a> {
             grid: display.grid(),
             image: display.image(),
             epi: display.epi(),
+            edges: display.edge_stage().list(),
+            seen: display.edge_stage().visible(),
             pixels: display.pixels(),
             priorities: display.priorities(),
         }
@@ -82,8 +93,6 @@ impl<'a> Stages<'a> {
 const EMPTY: u32 = 0x1c_3c78;
 const SIMPLE: u32 = 0x30_c050;
 const COMPLEX: u32 = 0xe0_3828;
-const SIMPLE_EDGE: u32 = 0xff_d800;
-const COMPLEX_EDGE: u32 = 0xff_40ff;
 
 /// Samples a pixel that count as many: their mean is shown white.
 const MANY: f32 = 256.0;
@@ -92,7 +101,7 @@ const MANY: f32 = 256.0;
 pub fn show(what: Show, stages: &Stages<'_>, tone: &ToneMap, out: &mut Vec<u32>) {
     match what {
         Show::Picture => tone.map(stages.grid, stages.image, out),
-        Show::Edges => edges(stages, tone, out),
+        Show::Edges => edges::draw(stages, tone, out),
         Show::Classes => each(stages.grid, out, |x, y, at| {
             let colour = match EdgeCode(stages.epi.code[at]) {
                 EdgeCode::EMPTY => EMPTY,
@@ -122,16 +131,6 @@ pub fn show(what: Show, stages: &Stages<'_>, tone: &ToneMap, out: &mut Vec<u32>)
             }
         }),
     }
-}
-
-fn edges(stages: &Stages<'_>, tone: &ToneMap, out: &mut Vec<u32>) {
-    each(stages.grid, out, |_, _, at| {
-        match EdgeCode(stages.epi.code[at]) {
-            EdgeCode::EMPTY => half(encode(tone, stages.image, at)),
-            EdgeCode::COMPLEX => COMPLEX_EDGE,
-            _ => SIMPLE_EDGE,
-        }
-    });
 }
 
 /// Priorities have no scale of their own and range over many orders: shown by the logarithm below the largest.
@@ -179,7 +178,9 @@ fn heat(value: f32) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::edges::clip::{ImageSegment, SUBPIXELS};
     use crate::edges::crossings::Crossings;
+    use crate::edges::tree::EdgeKind;
     use crate::epi::classify::classify;
     use crate::epi::code::Places;
     use fearless_simd::Level;
@@ -189,6 +190,21 @@ mod tests {
         pixels: PixelSamples,
         image: [Vec<f32>; 3],
         priorities: Vec<f32>,
+        edges: EdgeList,
+        seen: VisibleEdges,
+    }
+
+    /// A level edge of a kind through the middle of row 1, seen from x = `from` to x = `to`, px.
+    fn level_edge(frame: &mut Frame, kind: EdgeKind, [from, to]: [f64; 2]) {
+        let y = 3 * SUBPIXELS / 2;
+        let segment = ImageSegment {
+            ends: [[0, y], [70 * SUBPIXELS, y]],
+            inverse_depth: [1.0; 2],
+            along: [0.0, 1.0],
+        };
+        let index = frame.edges.kind.len() as u32;
+        frame.edges.kind.push(kind);
+        frame.seen.push(index, segment, [from / 70.0, to / 70.0]);
     }
 
     /// 70 x 3 white pixels: (1, 1) is simple, (4, 1) complex with a red sample, (65, 2) has one of sixteen.
@@ -222,16 +238,23 @@ mod tests {
             pixels,
             image: std::array::from_fn(|_| vec![1.0; grid.elements()]),
             priorities,
+            edges: EdgeList::default(),
+            seen: VisibleEdges::default(),
         }
     }
 
     fn shown(what: Show) -> impl Fn(usize, usize) -> u32 {
-        let f = frame();
+        shown_of(&frame(), what)
+    }
+
+    fn shown_of(f: &Frame, what: Show) -> impl Fn(usize, usize) -> u32 + use<> {
         let mut out = vec![7; 3];
         let stages = Stages {
             grid: f.epi.grid,
             image: &f.image,
             epi: &f.epi,
+            edges: &f.edges,
+            seen: &f.seen,
             pixels: &f.pixels,
             priorities: &f.priorities,
         };
@@ -243,10 +266,10 @@ mod tests {
     #[test]
     fn every_stage_shows_what_it_is_about() {
         assert_eq!(shown(Show::Picture)(69, 2), 0xff_ffff);
-        let edges = shown(Show::Edges);
+        let lines = shown(Show::Edges);
         assert_eq!(
-            [edges(1, 1), edges(4, 1), edges(9, 1)],
-            [SIMPLE_EDGE, COMPLEX_EDGE, 0x7f_7f7f]
+            [lines(1, 1), lines(4, 1), lines(9, 1)],
+            [edges::SIMPLE, edges::COMPLEX, 0x7f_7f7f]
         );
         let classes = shown(Show::Classes);
         assert_eq!([classes(1, 1), classes(4, 1)], [half(SIMPLE), COMPLEX]);
@@ -263,6 +286,34 @@ mod tests {
         );
         let counts = shown(Show::Counts);
         assert!(counts(65, 2) > counts(4, 1) && counts(4, 1) > 0 && counts(0, 0) == 0);
+    }
+
+    #[test]
+    fn edges_have_the_colours_of_their_kinds_where_they_are_seen() {
+        use crate::shadows::wedge::EventKind::{Hard, Penumbral, Umbral};
+        let kinds = [
+            (EdgeKind::Silhouette, edges::SIMPLE),
+            (EdgeKind::Shadow(Hard), edges::HARD),
+            (EdgeKind::Shadow(Penumbral), edges::PENUMBRAL),
+            (EdgeKind::Shadow(Umbral), edges::UMBRAL),
+            (EdgeKind::Meeting, edges::MEETING),
+        ];
+        for (kind, colour) in kinds {
+            let mut f = frame();
+            level_edge(&mut f, kind, [0.5, 3.5]);
+            let lines = shown_of(&f, Show::Edges);
+            assert_eq!(lines(1, 1), colour, "{kind:?}");
+            // Seen, but without a code; and with one, but hidden.
+            assert_eq!([lines(2, 1), lines(4, 1)], [0x7f_7f7f, edges::COMPLEX]);
+        }
+        let mut f = frame();
+        level_edge(&mut f, EdgeKind::Shadow(Penumbral), [0.5, 6.0]);
+        level_edge(&mut f, EdgeKind::Shadow(Umbral), [0.5, 6.0]);
+        let lines = shown_of(&f, Show::Edges);
+        assert_eq!(
+            [lines(1, 1), lines(4, 1)],
+            [edges::PENUMBRAL, edges::UMBRAL]
+        );
     }
 
     #[test]

@@ -20,6 +20,15 @@ pub struct ImageSegment {
     pub along: [f64; 2],
 }
 
+impl ImageSegment {
+    /// The ends of a part of it, 0..1 in image space, in the units of its own.
+    #[inline]
+    pub fn part(&self, range: [f64; 2]) -> [[i64; 2]; 2] {
+        let [a, b] = self.ends;
+        range.map(|share| [0, 1].map(|k| a[k] + round((b[k] - a[k]) as f64 * share)))
+    }
+}
+
 /// Turns segments in view space into segments in image space.
 #[derive(Clone, Copy, Debug)]
 pub struct Projector {
@@ -118,7 +127,7 @@ fn fixed(px: f64, guard: f64) -> i64 {
 
 /// To the nearest integer, for sizes up to 2⁴⁰.
 #[inline]
-pub(super) fn round(x: f64) -> i64 {
+fn round(x: f64) -> i64 {
     // Moved to where truncation rounds down: `f64::round` is a call on plain x86-64.
     const SHIFT: i64 = 1 << 40;
     (x + (SHIFT as f64 + 0.5)) as i64 - SHIFT

@@ -5,7 +5,7 @@
 //! share an end neither leave a gap nor count twice, and one that passes through a pixel crosses its boundary exactly
 //! twice.
 
-use super::clip::{ImageSegment, Projector, SUBPIXELS, round};
+use super::clip::{ImageSegment, Projector, SUBPIXELS};
 use super::crossings::Crossings;
 use super::list::EdgeList;
 use crate::camera::View;
@@ -170,9 +170,7 @@ impl Crossings {
     /// crossings that lie within it.
     pub fn draw_part(&mut self, segment: &ImageSegment, range: [f64; 2], half: bool) {
         let size = [self.width as i64, self.height as i64];
-        let [a, b] = segment.ends;
-        let part = range.map(|share| [0, 1].map(|k| a[k] + round((b[k] - a[k]) as f64 * share)));
-        crossings_within(segment.ends, part, size, half, |crossing| {
+        crossings_within(segment.ends, segment.part(range), size, half, |crossing| {
             self.record(crossing);
         });
     }

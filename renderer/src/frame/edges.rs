@@ -6,6 +6,7 @@ use protocol::messages::Triple;
 use protocol::scene::{Light, Scene};
 use rays::{Ray, World};
 
+use super::Display;
 use super::placed::{Changes, Placed};
 use crate::camera::View;
 use crate::config::{Choices, Culling, Method, PointCulling, ShadowEdges};
@@ -229,6 +230,13 @@ impl EdgeStage {
     /// The scene for rays, where the choices need it.
     pub fn world(&self) -> Option<&World> {
         self.world.as_ref()
+    }
+}
+
+impl Display {
+    /// The edges of the last frame.
+    pub fn edge_stage(&self) -> &EdgeStage {
+        &self.edges
     }
 }
 

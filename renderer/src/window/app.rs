@@ -232,6 +232,7 @@ impl App {
             Command::Pause => self.session.toggle_pause(),
             Command::Clear => self.session.clear(),
             Command::Method => self.session.next_method(),
+            Command::Shadows => self.session.next_shadow_edges(),
             Command::Baseline => self.session.toggle_baseline(),
             Command::Home => self.controller.go_home(),
             Command::Path => {

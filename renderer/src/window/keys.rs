@@ -13,6 +13,8 @@ pub(super) enum Command {
     Pause,
     Clear,
     Method,
+    /// Which edges of shadows there are.
+    Shadows,
     Baseline,
     Home,
     Path,
@@ -26,7 +28,7 @@ pub(super) enum Command {
 }
 
 /// The list of keys, for people.
-pub(super) const HELP: [&str; 28] = [
+pub(super) const HELP: [&str; 30] = [
     "left drag        turn round the target",
     "right drag       move sideways (middle too)",
     "wheel            nearer, farther",
@@ -49,6 +51,8 @@ pub(super) const HELP: [&str; 28] = [
     "",
     "M                method: edges, without the",
     "                   complex filter, points only",
+    "B                borders of shadows: chosen,",
+    "                   all, none",
     "R                every pixel ray-traced",
     "F                freeze the points",
     "C                forget the points",
@@ -118,6 +122,7 @@ pub(super) fn command(physical: PhysicalKey, logical: &Key, control: bool) -> Op
         'f' => Command::Freeze,
         'c' => Command::Clear,
         'm' => Command::Method,
+        'b' => Command::Shadows,
         'r' => Command::Baseline,
         'p' => Command::Path,
         'o' => Command::Moves,

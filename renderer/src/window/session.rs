@@ -12,7 +12,7 @@ use super::grab::{Grab, markers, near_light};
 use super::pace::Pace;
 use super::tell::Figures;
 use crate::camera::View;
-use crate::config::{Choices, Method};
+use crate::config::{Choices, Method, ShadowEdges};
 use crate::epi::grid::Grid;
 use crate::frame::{Display, Edit, Received, Wanted};
 use crate::link::LinkStatus;
@@ -329,6 +329,16 @@ impl Session {
         self.rebuild = self.rebuild.or(Some(Keep::Points));
     }
 
+    /// From the shadow edges that are worth it to all of them, to none, and round.
+    pub(super) fn next_shadow_edges(&mut self) {
+        self.choices.shadow_edges = match self.choices.shadow_edges {
+            ShadowEdges::Chosen => ShadowEdges::All,
+            ShadowEdges::All => ShadowEdges::Off,
+            ShadowEdges::Off => ShadowEdges::Chosen,
+        };
+        self.rebuild = self.rebuild.or(Some(Keep::Points));
+    }
+
     /// Traces every pixel, or reconstructs again.
     pub(super) fn toggle_baseline(&mut self) {
         self.baseline = match self.baseline {
@@ -364,6 +374,7 @@ impl Session {
             stats: &self.stats,
             servers: &self.servers.status(),
             method: self.baseline.is_none().then_some(self.choices.method),
+            shadow_edges: self.choices.shadow_edges,
             frozen: self.frozen,
             paused: self.paused,
             settled: self.settled,

@@ -1,6 +1,6 @@
 //! The status line in words.
 
-use crate::config::Method;
+use crate::config::{Method, ShadowEdges};
 use crate::link::LinkStatus;
 use crate::stats::FrameStats;
 
@@ -18,6 +18,8 @@ pub(super) struct Figures<'a> {
     pub(super) servers: &'a LinkStatus,
     /// How pixels are reconstructed; nothing if every pixel is traced.
     pub(super) method: Option<Method>,
+    /// Which edges of shadows there are.
+    pub(super) shadow_edges: ShadowEdges,
     /// No samples are taken in.
     pub(super) frozen: bool,
     /// No samples are asked for.
@@ -50,6 +52,10 @@ impl Figures<'_> {
             Some(method) => {
                 items.push(tell_method(method).into());
                 let kinds = self.stats.pixels;
+                if method != Method::PointsOnly {
+                    let drawn = self.stats.shadow_edges;
+                    items.push(tell_shadows(self.shadow_edges, drawn));
+                }
                 items.push(format!(
                     "{} edges, pixels {:.1}% simple {:.1}% complex",
                     self.stats.silhouette_edges + self.stats.shadow_edges,
@@ -75,6 +81,14 @@ fn tell_method(method: Method) -> &'static str {
         Method::PointsOnly => "points-only",
         Method::Full => "full",
         Method::Reference => "reference",
+    }
+}
+
+fn tell_shadows(which: ShadowEdges, drawn: usize) -> String {
+    match which {
+        ShadowEdges::Off => "no shadow edges".into(),
+        ShadowEdges::All => format!("all shadow edges ({drawn})"),
+        ShadowEdges::Chosen => format!("chosen shadow edges ({drawn})"),
     }
 }
 
@@ -132,10 +146,12 @@ mod tests {
             pixels: 1000,
             stats: &FrameStats {
                 samples_visible: 250,
+                shadow_edges: 7,
                 ..FrameStats::default()
             },
             servers: &LinkStatus::default(),
             method: Some(Method::NoComplex),
+            shadow_edges: ShadowEdges::All,
             frozen: true,
             paused: true,
             settled: false,
@@ -145,6 +161,7 @@ mod tests {
             "50 frames/s, 8.2 ms",
             "25% of pixels",
             "no-complex",
+            "all shadow edges (7)",
             "points frozen, paused",
         ] {
             assert!(line.contains(part), "{part}: {line}");
