@@ -76,6 +76,9 @@ pub struct WindowArgs {
     /// Threads of the display itself
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: u16,
+    /// Say how each light is treated, what that saves and what error it allows: at the start and at the end
+    #[arg(long)]
+    pub explain: bool,
     /// Where samples come from
     #[command(flatten)]
     pub servers: ServerArgs,
@@ -106,6 +109,7 @@ impl WindowArgs {
             show: Show::Picture,
             threads: self.threads,
             stats: None,
+            explain: self.explain,
             servers: self.servers.clone(),
             choices: self.choices,
         }
@@ -159,6 +163,9 @@ pub struct RenderArgs {
     /// Write a JSON line a frame here
     #[arg(long, value_name = "FILE")]
     pub stats: Option<PathBuf>,
+    /// Say in the end how each light was treated, what that saved and what error it allowed
+    #[arg(long)]
+    pub explain: bool,
     /// Where samples come from
     #[command(flatten)]
     pub servers: ServerArgs,

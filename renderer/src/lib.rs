@@ -9,6 +9,7 @@ pub mod cli;
 pub mod config;
 pub mod edges;
 pub mod epi;
+pub mod explain;
 pub mod filters;
 pub mod frame;
 pub mod headless;

@@ -104,6 +104,15 @@ fn render(loaded: LoadedScene, args: &RenderArgs) -> Result<()> {
         summary.samples,
         summary.elapsed.as_secs_f64()
     );
+    if args.explain {
+        let _ = match summary.explanation {
+            Some(explanation) => write!(told, "{explanation}"),
+            None => writeln!(
+                told,
+                "every pixel is shaded in every frame: nothing is chosen"
+            ),
+        };
+    }
     if let Some(file) = summary.last_file {
         let _ = writeln!(told, "last picture: {}", file.display());
     }

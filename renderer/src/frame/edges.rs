@@ -5,6 +5,7 @@ use glam::Affine3A;
 use protocol::messages::Triple;
 use protocol::scene::{Light, Scene};
 use rays::{Ray, World};
+use serde::Serialize;
 
 use super::Display;
 use super::placed::{Changes, Placed};
@@ -31,6 +32,17 @@ use crate::shadows::worker::Lines;
 use crate::shadows::worth::{Tally, Worth};
 use crate::stats::{Stage, StageMs};
 
+/// How often edges had to be worked on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Effort {
+    /// Frames with edges.
+    pub frames: u64,
+    /// Those in which edges of meshes were searched for.
+    pub searches: u64,
+    /// Those in which shadow edges were judged.
+    pub judgements: u64,
+}
+
 /// Everything about edges that lasts from frame to frame.
 pub struct EdgeStage {
     finder: EdgeFinder,
@@ -49,7 +61,9 @@ pub struct EdgeStage {
     vertices: u32,
     /// Edges of meshes in the list; the others follow.
     of_meshes: usize,
-    tally: Tally,
+    /// What became of the shadow edges of each light.
+    tallies: Vec<Tally>,
+    effort: Effort,
     /// Generation of the shadows that the list holds.
     known: u64,
 }
@@ -74,7 +88,8 @@ impl EdgeStage {
                 .max()
                 .unwrap_or(0),
             of_meshes: 0,
-            tally: Tally::default(),
+            tallies: Vec::new(),
+            effort: Effort::default(),
             known: 0,
             finder,
             list: EdgeList::default(),
@@ -163,17 +178,20 @@ impl EdgeStage {
         let worth = worth_of(self.choices, pixels);
         let judged_anew = std::mem::replace(&mut self.worth, worth) != worth;
         let vertices = self.vertices;
-        let (of_meshes, tally) = (&mut self.of_meshes, &mut self.tally);
-        let known = &mut self.known;
+        let (of_meshes, tallies) = (&mut self.of_meshes, &mut self.tallies);
+        let (known, effort) = (&mut self.known, &mut self.effort);
+        effort.frames += 1;
         ms.time(Stage::FindEdges, || {
             let anew = finder.find(view, list);
             if anew {
                 *of_meshes = list.len();
+                effort.searches += 1;
             }
             let Some(shadows) = shadows else { return };
             if anew || judged_anew || *known != shadows.generation() {
                 list.truncate(*of_meshes);
-                *tally = append(shadows, lights, view, worth, vertices, list);
+                append(shadows, lights, view, worth, vertices, tallies, list);
+                effort.judgements += 1;
                 *known = shadows.generation();
                 list.appended += 1;
             }
@@ -209,12 +227,37 @@ impl EdgeStage {
 
     /// Edges of meshes found in the frame, before culling, and shadow edges.
     pub fn found(&self) -> [usize; 2] {
-        [self.of_meshes, self.tally.drawn]
+        [self.of_meshes, self.tally().drawn]
     }
 
     /// What became of the shadow edges.
     pub fn tally(&self) -> Tally {
-        self.tally
+        self.tallies.iter().copied().sum()
+    }
+
+    /// What became of the shadow edges of each light, by its index in the scene.
+    pub fn tallies(&self) -> &[Tally] {
+        &self.tallies
+    }
+
+    /// What shadow edges had to be worth in the last frame.
+    pub fn worth(&self) -> Worth {
+        self.worth
+    }
+
+    /// How edges are made.
+    pub fn choices(&self) -> Choices {
+        self.choices
+    }
+
+    /// Shadow edges and intersection creases, unless the display was made without edges.
+    pub fn shadows(&self) -> Option<&Shadows> {
+        self.shadows.as_ref()
+    }
+
+    /// What has been done so far.
+    pub fn effort(&self) -> Effort {
+        self.effort
     }
 
     /// The frame's edges, before culling.
@@ -241,7 +284,7 @@ impl Display {
 }
 
 /// Penumbrae wider than this are never cut, pixels: samples as sparse as that resolve nothing.
-const WIDEST_PX: f32 = 8.0;
+pub const WIDEST_PX: f32 = 8.0;
 
 /// Least change of the picture that a shadow edge is drawn for, steps of the display.
 const STEPS: f32 = 1.0;

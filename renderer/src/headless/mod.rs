@@ -13,6 +13,7 @@ use scenes::{CameraPath, CameraSpec, Motion};
 use crate::camera::View;
 use crate::cli::RenderArgs;
 use crate::config::Method;
+use crate::explain::Explanation;
 use crate::frame::{Display, Wanted};
 use crate::servers::{Servers, ServersError};
 use crate::show::{Stages, show};
@@ -59,6 +60,8 @@ pub struct Summary {
     pub elapsed: Duration,
     /// The last file written, if any was.
     pub last_file: Option<PathBuf>,
+    /// Which models were chosen; none where every pixel is shaded.
+    pub explanation: Option<Explanation>,
 }
 
 /// What is rendered.
@@ -87,7 +90,7 @@ pub fn render(
     let mut output = Output::new(args)?;
     let start = Instant::now();
     let mut totals = Vec::with_capacity(args.frames);
-    let mut samples = 0;
+    let (mut samples, mut explanation) = (0, None);
     match args.choices.method {
         Method::Full | Method::Reference => {
             for frame in 0..args.frames {
@@ -97,7 +100,7 @@ pub fn render(
             }
         }
         Method::EdgeAndPoint | Method::NoComplex | Method::PointsOnly => {
-            sparse(
+            explanation = Some(sparse(
                 subject.scene,
                 &mut flight,
                 args,
@@ -107,7 +110,7 @@ pub fn render(
                     samples += stats.samples_new as u64;
                     totals.push(stats.total_ms);
                 },
-            )?;
+            )?);
         }
     }
     totals.sort_by(f64::total_cmp);
@@ -117,6 +120,7 @@ pub fn render(
         samples,
         elapsed: start.elapsed(),
         last_file: output.last_file(),
+        explanation,
     })
 }
 
@@ -127,7 +131,7 @@ fn sparse(
     servers: &mut Servers,
     output: &mut Output,
     mut done: impl FnMut(&crate::stats::FrameStats),
-) -> Result<(), RenderError> {
+) -> Result<Explanation, RenderError> {
     let (width, height) = args.size;
     let pixels = f64::from(width) * f64::from(height);
     let budget = args
@@ -181,5 +185,5 @@ fn sparse(
         output.stats(&stats)?;
         done(&stats);
     }
-    Ok(())
+    Ok(Explanation::of(&display, scene))
 }

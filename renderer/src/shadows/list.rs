@@ -30,15 +30,17 @@ impl ToView {
 }
 
 /// Appends intersection creases, and the shadow edges of these lights (by index in the scene) that are worth it, to the
-/// edges of a view. Vertices are numbered from `vertex` on, which is more than any mesh of the scene has.
+/// edges of a view. Vertices are numbered from `vertex` on, which is more than any mesh of the scene has. `tallies` then
+/// holds what became of each light's edges, by index in the scene.
 pub fn append(
     shadows: &Shadows,
     lights: &[Light],
     view: &View,
     worth: Worth,
     mut vertex: u32,
+    tallies: &mut Vec<Tally>,
     out: &mut EdgeList,
-) -> Tally {
+) {
     let to_view = ToView::new(view);
     for meet in shadows.meets() {
         out.from.push(to_view.apply(meet.from));
@@ -50,9 +52,11 @@ pub fn append(
         out.vertices.push([vertex, vertex + 1]);
         vertex += 2;
     }
-    let mut tally = Tally::default();
-    for (light, cast) in shadows.edges() {
-        let Some(light) = lights.get(light as usize) else {
+    tallies.clear();
+    tallies.resize(lights.len(), Tally::default());
+    for (index, cast) in shadows.edges() {
+        let index = index as usize;
+        let (Some(light), Some(tally)) = (lights.get(index), tallies.get_mut(index)) else {
             continue;
         };
         let judge = Judge::new(light, worth);
@@ -72,5 +76,4 @@ pub fn append(
         }
         vertex += 2 * cast.edges.len() as u32;
     }
-    tally
 }

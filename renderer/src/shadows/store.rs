@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 use protocol::messages::Triple;
 use protocol::scene::{Affine, Light, Scene};
+use serde::Serialize;
 
 use super::geometry::ShadowScene;
 use super::light::ShadowLight;
@@ -27,6 +28,19 @@ struct Pair {
     /// Something has changed since that job was given.
     stale: bool,
     cast: Cast,
+}
+
+/// What is known of a light's shadows.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Known {
+    /// Objects that keep some of its light from some sample: each is a pair with the light.
+    pub blockers: usize,
+    /// Objects that some of its light is kept from.
+    pub receivers: usize,
+    /// Shadow events of the pairs.
+    pub events: usize,
+    /// Shadow edges that the events draw on the receivers.
+    pub edges: usize,
 }
 
 /// All shadow edges and intersection creases that are known.
@@ -221,9 +235,16 @@ impl Shadows {
             .map(|((light, _), pair)| (*light, &pair.cast))
     }
 
-    /// Shadow events of all pairs.
-    pub fn events(&self) -> usize {
-        self.pairs.values().map(|pair| pair.cast.events).sum()
+    /// What samples have met of a light's shadows, and what was computed from that.
+    pub fn known(&self, light: u32) -> Known {
+        let pairs = || self.pairs.range((light, 0)..=(light, u32::MAX));
+        let receivers: BTreeSet<u32> = pairs().flat_map(|(_, p)| &p.receivers).copied().collect();
+        Known {
+            blockers: pairs().count(),
+            receivers: receivers.len(),
+            events: pairs().map(|(_, pair)| pair.cast.events).sum(),
+            edges: pairs().map(|(_, pair)| pair.cast.edges.len()).sum(),
+        }
     }
 
     /// Where objects pass through one another, world space.
@@ -236,3 +257,7 @@ impl Shadows {
         &self.scene
     }
 }
+
+#[cfg(test)]
+#[path = "store_tests.rs"]
+mod tests;

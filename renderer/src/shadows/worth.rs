@@ -6,6 +6,7 @@
 
 use glam::Vec3;
 use protocol::scene::Light;
+use serde::Serialize;
 
 use super::cast::ShadowEdge;
 use crate::camera::View;
@@ -40,7 +41,7 @@ pub enum Verdict {
 }
 
 /// How many edges were drawn and why the others were not.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Tally {
     /// Drawn.
     pub drawn: usize,
@@ -58,6 +59,21 @@ impl Tally {
             Verdict::Wide => self.wide += 1,
             Verdict::Dim => self.dim += 1,
         }
+    }
+
+    /// All of them.
+    pub fn all(&self) -> usize {
+        self.drawn + self.wide + self.dim
+    }
+}
+
+impl std::iter::Sum for Tally {
+    fn sum<I: Iterator<Item = Self>>(tallies: I) -> Self {
+        tallies.fold(Self::default(), |a, b| Self {
+            drawn: a.drawn + b.drawn,
+            wide: a.wide + b.wide,
+            dim: a.dim + b.dim,
+        })
     }
 }
 
@@ -112,12 +128,13 @@ impl Judge {
     /// Whether an edge is worth drawing in a view.
     pub fn judge(&self, view: &View, edge: &ShadowEdge) -> Verdict {
         let (from, to) = (edge.from.as_vec3(), edge.to.as_vec3());
-        let middle = 0.5 * (from + to);
-        let distance2 = (middle - self.middle).length_squared();
-        // The most that the light can add, over black, where encoding is steepest.
-        if srgb((self.white / distance2).min(1.0)) * 255.0 < self.worth.steps {
+        let nearest = (nearest_distance(self.middle, from, to) - 0.5 * self.extent).max(0.0);
+        // The most that the light can add, over black, where encoding is steepest. Against a light it is not a number.
+        let most = self.white / (nearest * nearest);
+        if srgb(most.min(1.0)) * 255.0 < self.worth.steps {
             return Verdict::Dim;
         }
+        let middle = 0.5 * (from + to);
         let depth = view.to_view(middle).z.max(f32::MIN_POSITIVE);
         let beyond = (0.5 * (edge.t[0] + edge.t[1]) - 1.0).max(0.0) as f32;
         let width_px = self.extent * beyond * view.focal_px / depth;
@@ -125,5 +142,119 @@ impl Judge {
             return Verdict::Wide;
         }
         Verdict::Drawn
+    }
+}
+
+/// Distance of a point from a segment.
+fn nearest_distance(point: Vec3, from: Vec3, to: Vec3) -> f32 {
+    let along = to - from;
+    let share = (point - from).dot(along) / along.length_squared();
+    let share = if share.is_finite() {
+        share.clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
+    (from + along * share).distance(point)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shadows::wedge::EventKind;
+    use protocol::messages::Camera;
+
+    /// 100 px a metre at the origin.
+    fn view() -> View {
+        let half: f32 = 0.5 * 64.0 / 1000.0;
+        View::new(&Camera {
+            eye: [0.0, 0.0, 10.0],
+            target: [0.0; 3],
+            up: [0.0, 1.0, 0.0],
+            fov_y: 2.0 * half.atan().to_degrees(),
+            width: 64,
+            height: 64,
+        })
+    }
+
+    fn edge(from: [f64; 3], to: [f64; 3], t: [f64; 2]) -> ShadowEdge {
+        ShadowEdge {
+            from: from.into(),
+            to: to.into(),
+            s: [0.0, 1.0],
+            t,
+            receiver: 0,
+            face: 0,
+            kind: EventKind::Hard,
+        }
+    }
+
+    const WORTH: Worth = Worth {
+        width_px: 8.0,
+        steps: 1.0,
+    };
+
+    fn area(side: f32, radiance: f32) -> Light {
+        let h = 0.5 * side;
+        let vertices = [[-h, -h], [h, -h], [h, h], [-h, h]].map(|[x, z]| [x, 5.0, z]);
+        Light::Area {
+            vertices: vertices.to_vec(),
+            radiance: [0.0, radiance, 0.0],
+        }
+    }
+
+    #[test]
+    fn wide_penumbrae_are_left_out_and_contacts_are_not() {
+        let (view, ends) = (view(), ([-0.1, 0.0, 0.0], [0.1, 0.0, 0.0]));
+        assert!((view.focal_px - 1000.0).abs() < 0.5);
+        let verdict = |side: f32, t: f64| {
+            let judge = Judge::new(&area(side, 100.0 / (side * side)), WORTH);
+            judge.judge(&view, &edge(ends.0, ends.1, [t, t]))
+        };
+        // A square of side a is 1.414 a across: 100 px a metre times that times t - 1.
+        assert_eq!(verdict(1.0, 1.0), Verdict::Drawn);
+        assert_eq!(verdict(1.0, 1.05), Verdict::Drawn);
+        assert_eq!(verdict(1.0, 1.06), Verdict::Wide);
+        assert_eq!(verdict(0.1, 1.5), Verdict::Drawn);
+        assert_eq!(verdict(0.1, 1.6), Verdict::Wide);
+        let all = Judge::new(&area(4.0, 1.0), Worth::ALL);
+        let wide = edge(ends.0, ends.1, [3.0; 2]);
+        assert_eq!(all.judge(&view, &wide), Verdict::Drawn);
+    }
+
+    #[test]
+    fn what_is_too_dim_is_so_everywhere_on_the_edge() {
+        let view = view();
+        // As much as a white surface needs for a step at 1 m.
+        let step = 1.0 / (255.0 * 12.92);
+        let light = |intensity: f32| Light::Point {
+            position: [0.0; 3],
+            intensity: [intensity * std::f32::consts::PI, 0.0, 0.0],
+        };
+        let long = edge([1.0, -9.0, 0.0], [1.0, 20.0, 0.0], [1.0; 2]);
+        let far = edge([1.0, 9.0, 0.0], [1.0, 20.0, 0.0], [1.0; 2]);
+        let verdict = |intensity: f32, edge: &ShadowEdge| {
+            Judge::new(&light(intensity * step), WORTH).judge(&view, edge)
+        };
+        assert_eq!(verdict(0.99, &long), Verdict::Dim);
+        assert_eq!(verdict(1.01, &long), Verdict::Drawn);
+        assert_eq!(verdict(1.01, &far), Verdict::Dim);
+        assert_eq!(verdict(83.0, &far), Verdict::Drawn);
+        // A light is as near as its nearest corner can be, and lights where it touches.
+        let near = edge([0.0, 4.0, 0.0], [0.0, 4.0, 0.1], [1.0; 2]);
+        let weak = Judge::new(&area(2.0, 1e-9), WORTH);
+        assert_eq!(weak.judge(&view, &near), Verdict::Drawn);
+        let point = edge([0.0; 3], [0.0; 3], [1.0; 2]);
+        assert_eq!(verdict(1e-9, &point), Verdict::Drawn);
+    }
+
+    #[test]
+    fn tallies_add_up() {
+        let mut tally = Tally::default();
+        for verdict in [Verdict::Drawn, Verdict::Wide, Verdict::Dim, Verdict::Dim] {
+            tally.count(verdict);
+        }
+        assert_eq!((tally.drawn, tally.wide, tally.dim), (1, 1, 2));
+        let sum: Tally = [tally, tally].into_iter().sum();
+        assert_eq!((sum.all(), sum.dim), (8, 4));
     }
 }

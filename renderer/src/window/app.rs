@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::rc::Rc;
 use std::time::{Duration, Instant};
 
+use protocol::scene::Scene;
 use winit::application::ApplicationHandler;
 use winit::dpi::PhysicalSize;
 use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, WindowEvent};
@@ -20,6 +21,7 @@ use super::screenshot;
 use super::session::Session;
 use super::surface::Surface;
 use crate::cli::WindowArgs;
+use crate::explain::Explanation;
 use crate::servers::ServersError;
 use crate::show::Show;
 
@@ -99,6 +101,11 @@ impl App {
     /// Why the window had to be closed, if a person did not close it.
     pub(super) fn into_failure(self) -> Option<WindowError> {
         self.failure
+    }
+
+    /// Which models are chosen for the scene.
+    pub(super) fn explain(&self, scene: &Scene) -> Explanation {
+        self.session.explain(scene)
     }
 
     fn open(&self, event_loop: &ActiveEventLoop) -> Result<(Rc<Window>, Surface), WindowError> {

@@ -103,7 +103,13 @@ pub fn run(subject: Subject<'_>, args: &WindowArgs) -> Result<(), WindowError> {
     let moves = Moves::new(subject.scene, subject.motions);
     let hands = Hands::new(subject.scene, subject.camera.up.into(), moves);
     let mut app = App::new(session, controller, hands, title, args);
+    if args.explain {
+        eprint!("{}", app.explain(subject.scene));
+    }
     let ended = events.run_app(&mut app);
+    if args.explain {
+        eprint!("{}", app.explain(subject.scene));
+    }
     match (app.into_failure(), ended) {
         (Some(failure), _) => Err(failure),
         (None, Err(e)) => Err(WindowError::Lost(reason(&e))),

@@ -14,6 +14,7 @@ use super::tell::Figures;
 use crate::camera::View;
 use crate::config::{Choices, Method, ShadowEdges};
 use crate::epi::grid::Grid;
+use crate::explain::Explanation;
 use crate::frame::{Display, Edit, Received, Wanted};
 use crate::link::LinkStatus;
 use crate::servers::{Servers, ServersError};
@@ -106,6 +107,11 @@ impl Session {
         threads: usize,
     ) -> Result<(), rayon::ThreadPoolBuildError> {
         self.display.use_threads(threads)
+    }
+
+    /// Which models are chosen for the scene.
+    pub(super) fn explain(&self, scene: &Scene) -> Explanation {
+        Explanation::of(&self.display, scene)
     }
 
     /// Draws the next frame and asks for what it lacks. `next` is where the camera will be in the frame after, if it
