@@ -7,6 +7,7 @@
 use glam::Vec3;
 use protocol::scene::Light;
 use serde::Serialize;
+use smallvec::{SmallVec, smallvec};
 
 use super::cast::ShadowEdge;
 use crate::camera::View;
@@ -93,21 +94,24 @@ impl Judge {
     /// For the edges of a light.
     pub fn new(light: &Light, worth: Worth) -> Self {
         let strongest = |rgb: &[f32; 3]| rgb.iter().fold(0.0f32, |a, b| a.max(*b));
-        let (points, intensity): (Vec<Vec3>, f32) = match light {
+        let (points, intensity): (SmallVec<[Vec3; 8]>, f32) = match light {
             Light::Point {
                 position,
                 intensity,
-            } => (vec![Vec3::from(*position)], strongest(intensity)),
+            } => (smallvec![Vec3::from(*position)], strongest(intensity)),
             Light::Linear {
                 from,
                 to,
                 intensity,
             } => {
                 let (from, to) = (Vec3::from(*from), Vec3::from(*to));
-                (vec![from, to], strongest(intensity) * from.distance(to))
+                (
+                    smallvec![from, to],
+                    strongest(intensity) * from.distance(to),
+                )
             }
             Light::Area { vertices, radiance } => {
-                let points: Vec<Vec3> = vertices.iter().map(|v| Vec3::from(*v)).collect();
+                let points: SmallVec<[Vec3; 8]> = vertices.iter().map(|v| Vec3::from(*v)).collect();
                 let first = points.first().copied().unwrap_or_default();
                 let cross = |w: &[Vec3]| (w[0] - first).cross(w[1] - first);
                 let area = 0.5 * points.windows(2).map(cross).sum::<Vec3>().length();
