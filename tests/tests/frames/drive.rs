@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use protocol::messages::{Camera, SampleRequest};
+use protocol::messages::{Camera, SampleRequest, Triple};
 use renderer::camera::View;
 use renderer::config::Choices;
-use renderer::frame::{Display, Received, Wanted};
+use renderer::frame::{Display, Edit, Received, Wanted};
 use scenes::LoadedScene;
 use shader_server::camera::Pinhole;
 use shader_server::shadows::ShadowRays;
@@ -41,35 +41,91 @@ impl Theatre {
         mut look: impl FnMut(usize, &View, &Display),
     ) {
         let Some(first) = views.first() else { return };
-        let rays = ShadowRays::default();
-        let mut shader = Shader::new(&self.stage, &rays, 1);
-        let mut display = Display::new(&self.loaded.scene, choices, first.width, first.height, 1);
+        let display = Display::new(&self.loaded.scene, choices, first.width, first.height, 1);
+        let mut run = Run::new(self.stage.clone(), display, samples, first);
+        for (frame, view) in views.iter().enumerate() {
+            run.draw(view);
+            look(frame, view, &run.display);
+            run.plan(views.get(frame + 1));
+        }
+    }
+}
+
+/// A display on its way.
+pub(crate) struct Run {
+    stage: Stage,
+    pub(crate) display: Display,
+    wanted: Wanted,
+    samples: usize,
+    /// As numbered by a link: a view keeps its number while it lasts.
+    asked_from: (View, u32),
+    number: u32,
+    epoch: u32,
+    /// Samples of the last frame.
+    pub(crate) received: Vec<Received>,
+    /// Light, blocker and receiver triples that they met.
+    pub(crate) triples: Vec<Triple>,
+}
+
+impl Run {
+    /// Ready for a first frame with up to `samples` samples, as all others have.
+    pub(crate) fn new(stage: Stage, mut display: Display, samples: usize, first: &View) -> Self {
         let mut wanted = Wanted::default();
         display.begin(first, 0);
         display.plan_first(samples, &mut wanted);
-        // As numbered by a link: a view keeps its number while it lasts.
-        let (mut asked_from, mut number) = ((*first, 0), 0);
-        for (frame, view) in views.iter().enumerate() {
-            if asked_from.0 != *view {
-                number += 1;
-            }
-            let mut received = Vec::new();
-            let batches = [(&wanted.here, asked_from), (&wanted.ahead, (*view, number))];
-            for (requests, (from, asked)) in batches {
-                let pinhole = Pinhole::new(&from.camera());
-                received.extend(requests.iter().map(|request: &SampleRequest| Received {
-                    view: asked,
-                    epoch: 0,
-                    sample: shader.shade(request.id, &pinhole.ray(request)),
-                }));
-            }
-            asked_from = (*view, number);
-            display.receive(&received, number);
-            display.draw(view, number);
-            look(frame, view, &display);
-            let next = views.get(frame + 1);
-            display.plan(samples, next, &mut wanted);
+        Self {
+            stage,
+            display,
+            wanted,
+            samples,
+            asked_from: (*first, 0),
+            number: 0,
+            epoch: 0,
+            received: Vec::new(),
+            triples: Vec::new(),
         }
+    }
+
+    /// Shades what was planned and draws the frame.
+    pub(crate) fn draw(&mut self, view: &View) {
+        if self.asked_from.0 != *view {
+            self.number += 1;
+        }
+        let rays = ShadowRays::default();
+        let mut shader = Shader::new(&self.stage, &rays, 1);
+        self.received.clear();
+        let batches = [
+            (&self.wanted.here, self.asked_from),
+            (&self.wanted.ahead, (*view, self.number)),
+        ];
+        for (requests, (from, asked)) in batches {
+            let pinhole = Pinhole::new(&from.camera());
+            let shaded = requests.iter().map(|request: &SampleRequest| Received {
+                view: asked,
+                epoch: self.epoch,
+                sample: shader.shade(request.id, &pinhole.ray(request)),
+            });
+            self.received.extend(shaded);
+        }
+        self.triples = shader.take_triples();
+        self.triples.sort_unstable();
+        self.asked_from = (*view, self.number);
+        self.display.learn(&self.triples);
+        self.display.update_shadows(true);
+        self.display.receive(&self.received, self.number);
+        self.display.draw(view, self.number);
+    }
+
+    /// Chooses the samples of the next frame, which may have another view.
+    pub(crate) fn plan(&mut self, next: Option<&View>) {
+        self.display.plan(self.samples, next, &mut self.wanted);
+    }
+
+    /// Moves something before the samples of the next frame are chosen.
+    pub(crate) fn edit(&mut self, edit: &Edit) {
+        self.stage = self.stage.edited(&edit.objects, &edit.lights).unwrap();
+        self.epoch += 1;
+        self.display.edit(self.epoch, edit);
     }
 }
 

@@ -2,4 +2,6 @@
 
 mod coincident;
 mod drive;
+mod shadows;
+mod switch;
 mod two_colours;

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use system_tests::metrics::{self, temporal::ghost_share};
 use system_tests::picture::Picture;
+use system_tests::report::stats;
 
 use crate::support::{ShaderServer, frames, render_args, renderer, small_scene};
 
@@ -100,6 +101,27 @@ fn what_moves_does_so_in_the_same_way_in_every_run_and_with_any_servers() {
     assert!(first == two, "with two servers");
     let still = ALL.replace("all", "around");
     assert!(first != scenes.render("still", &scenes.moving, &still));
+}
+
+#[test]
+fn every_shadow_edge_is_the_same_in_every_run_and_with_any_servers() {
+    let scenes = scenes();
+    let all = format!("{ALL} --shadow-edges all");
+    let first = scenes.render("first", &scenes.moving, &all);
+    assert!(first == scenes.render("second", &scenes.moving, &all));
+    let servers = [ShaderServer::start(), ShaderServer::start()];
+    let [a, b] = servers.each_ref().map(|s| s.address.as_str());
+    let one = scenes.render("one", &scenes.moving, &format!("{all} --connect {a}"));
+    assert!(first == one, "with one server");
+    let two = scenes.render("two", &scenes.moving, &format!("{all} --connect {a} {b}"));
+    assert!(first == two, "with two servers");
+    let stats = fs::read_to_string(scenes.folder.path().join("first/stats.jsonl")).unwrap();
+    let drawn = stats::parse(&stats).unwrap();
+    let drawn: Vec<u64> = drawn.iter().map(|f| f.shadow_edges).collect();
+    println!("shadow edges: {drawn:?}");
+    assert!(drawn[2..].iter().all(|n| *n > 0), "{drawn:?}");
+    let off = scenes.render("off", &scenes.moving, &format!("{ALL} --shadow-edges off"));
+    assert!(first != off);
 }
 
 #[test]
