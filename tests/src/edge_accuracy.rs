@@ -1,9 +1,11 @@
 //! The `edge-accuracy` command: drawn edges against those that dense ray casting finds.
 
 use std::io::{self, Write};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Parser;
+use image::RgbImage;
 use protocol::messages::Camera;
 use rays::{Ray, World};
 use renderer::camera::View;
@@ -15,7 +17,10 @@ use renderer::edges::list::EdgeList;
 use renderer::edges::truth::{Score, Truth};
 use renderer::edges::visibility::{EdgeDrawer, Hiding};
 use renderer::edges::world::world_of;
-use scenes::{LoadedScene, SceneError};
+use scenes::{CameraSpec, LoadedScene, SceneError};
+use shader_server::StageError;
+
+use crate::shadow_accuracy::{self, MapError, Report, Subject, write_map};
 
 /// Steps of this share of the depth and more are edges.
 const STEP: f32 = 0.002;
@@ -35,6 +40,13 @@ pub struct Args {
     /// How often each way is timed; the shortest time counts.
     #[arg(long, default_value_t = 11, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub runs: u16,
+    /// Measure the shadow edges that a display draws which has met all shadows in the picture, alone and with all others;
+    /// lights that are not points are replaced by points at their middles.
+    #[arg(long)]
+    pub shadows: bool,
+    /// Draw right (green), missed (red) and false (yellow) crossings of shadow edges into this picture.
+    #[arg(long, value_name = "FILE", requires = "shadows")]
+    pub map: Option<PathBuf>,
 }
 
 /// Why nothing was measured.
@@ -43,6 +55,12 @@ pub enum AccuracyError {
     /// The scene cannot be used.
     #[error(transparent)]
     Scene(#[from] SceneError),
+    /// The scene cannot be shaded.
+    #[error(transparent)]
+    Stage(#[from] StageError),
+    /// The map was not written.
+    #[error(transparent)]
+    Map(#[from] MapError),
     /// The standard output is closed or full.
     #[error("cannot write the result: {0}")]
     Output(#[from] io::Error),
@@ -67,6 +85,9 @@ pub struct Line {
 /// If the scene cannot be opened or `out` not be written.
 pub fn run(args: &Args, out: &mut impl Write) -> Result<(), AccuracyError> {
     let loaded = scenes::open(&args.scene)?;
+    if args.shadows {
+        return run_shadows(&loaded, args, out);
+    }
     writeln!(out, "{:<30} recall  precision  time, ms  rays", "hidden by")?;
     for line in measure(&loaded, args) {
         let (recall, precision) = (line.score.recall(), line.score.precision());
@@ -79,17 +100,70 @@ pub fn run(args: &Args, out: &mut impl Write) -> Result<(), AccuracyError> {
     Ok(())
 }
 
-/// Every way of hiding, from the scene's own camera.
-pub fn measure(loaded: &LoadedScene, args: &Args) -> Vec<Line> {
-    let camera = &loaded.camera;
-    let view = View::new(&Camera {
+fn view_of(camera: &CameraSpec, size_px: u32) -> View {
+    View::new(&Camera {
         eye: camera.eye,
         target: camera.target,
         up: camera.up,
         fov_y: camera.fov_y,
-        width: args.size,
-        height: args.size,
-    });
+        width: size_px,
+        height: size_px,
+    })
+}
+
+fn run_shadows(
+    loaded: &LoadedScene,
+    args: &Args,
+    out: &mut impl Write,
+) -> Result<(), AccuracyError> {
+    let scene = shadow_accuracy::with_points(&loaded.scene);
+    let subject = Subject {
+        scene: &scene,
+        view: &view_of(&loaded.camera, args.size),
+        stride: args.stride.into(),
+        step: STEP,
+    };
+    let mut map = args
+        .map
+        .is_some()
+        .then(|| RgbImage::new(args.size, args.size));
+    let report = shadow_accuracy::measure(subject, map.as_mut())?;
+    write_shadows(&report, out)?;
+    if let (Some(map), Some(path)) = (&map, &args.map) {
+        write_map(map, path)?;
+    }
+    Ok(())
+}
+
+fn write_shadows(report: &Report, out: &mut impl Write) -> io::Result<()> {
+    writeln!(out, "{:<30} recall  precision  edges   drawn", "edges")?;
+    let mut line = |name: String, score: Score| {
+        let (recall, precision) = (score.recall(), score.precision());
+        writeln!(
+            out,
+            "{name:<30} {recall:.4}  {precision:<9.4}  {:<6}  {}",
+            score.steps, score.drawn
+        )
+    };
+    for (light, score) in &report.shadows {
+        line(format!("shadows of light {light}"), *score)?;
+    }
+    line("all edges together".to_owned(), report.together)?;
+    let causes = report.causes;
+    writeln!(
+        out,
+        "false crossings of shadow edges: {} in the light, {} in shadow, {} turned away from the light",
+        causes.lit, causes.dark, causes.away
+    )?;
+    for ([x, y], missed, wrong) in &report.worst {
+        writeln!(out, "near pixel {x}, {y}: {missed} missed, {wrong} false")?;
+    }
+    Ok(())
+}
+
+/// Every way of hiding, from the scene's own camera.
+pub fn measure(loaded: &LoadedScene, args: &Args) -> Vec<Line> {
+    let view = view_of(&loaded.camera, args.size);
     let world = world_of(&loaded.scene);
     let truth = Truth::new(&loaded.scene, &world, &view, args.stride.into(), STEP);
     let mut edges = EdgeList::default();
@@ -168,6 +242,8 @@ mod tests {
             size: 128,
             stride: 4,
             runs: 1,
+            shadows: false,
+            map: None,
         };
         let lines = measure(&scenes::open("chains").unwrap(), &args);
         let of = |name: &str| lines.iter().find(|l| l.name == name).unwrap().score;

@@ -9,3 +9,4 @@ pub mod metrics;
 pub mod picture;
 pub mod places;
 pub mod report;
+pub mod shadow_accuracy;

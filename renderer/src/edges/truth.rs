@@ -55,11 +55,11 @@ impl Score {
 
 /// What the pixel boundaries of a picture really separate; every `stride`-th line only.
 pub struct Truth {
-    width: usize,
-    stride: usize,
+    pub(crate) width: usize,
+    pub(crate) stride: usize,
     /// Eighths along every line, first horizontal lines.
-    rows: Vec<Vec<Step>>,
-    columns: Vec<Vec<Step>>,
+    pub(crate) rows: Vec<Vec<Step>>,
+    pub(crate) columns: Vec<Vec<Step>>,
 }
 
 impl Truth {
@@ -120,7 +120,8 @@ impl Truth {
 }
 
 impl Score {
-    fn add(&mut self, steps: &[Step], reach: usize, drawn: impl Fn(usize) -> bool) {
+    /// Counts a line.
+    pub(crate) fn add(&mut self, steps: &[Step], reach: usize, drawn: impl Fn(usize) -> bool) {
         let near = |k: usize| k.saturating_sub(reach)..(k + reach + 1).min(steps.len());
         for k in 0..steps.len() {
             if steps[k] == Step::Depth {

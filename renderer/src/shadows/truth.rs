@@ -6,7 +6,7 @@ use rays::{Ray, World};
 
 use crate::camera::View;
 use crate::edges::crossings::Crossings;
-use crate::edges::truth::{Score, Seen, Step, between, see, smooth_parts};
+use crate::edges::truth::{Score, Seen, Step, Truth, between, see, smooth_parts};
 
 /// How near to a receiver something may lie, as a share of its distance from the light, without being looked for: the
 /// receiver's own neighbours meet it there.
@@ -15,10 +15,17 @@ const CONTACT: f32 = 1e-5;
 /// What lies between two neighbouring points of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Flip {
-    /// One surface, lit or dark at both.
-    None,
-    /// One surface, lit at one and dark at the other.
+    /// One surface, lit at both.
+    Lit,
+    /// One surface that faces the light, in shadow at both.
+    Dark,
+    /// One surface, seen from the side that is turned away from the light at both.
+    Away,
+    /// One surface that faces the light, lit at one and in shadow at the other.
     Shadow,
+    /// One surface, turned away from the light at one: its brightness ends there of itself, and a shadow's edge is neither
+    /// missed nor wrong.
+    Terminator,
     /// Two surfaces, or none: a shadow's edge is neither missed nor wrong here.
     Apart,
 }
@@ -34,11 +41,35 @@ pub struct ShadowTruth {
     columns: Vec<Vec<Flip>>,
 }
 
-/// A point that is seen, and whether the light reaches the side of its surface that is.
+/// How the light falls on a point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Light {
+    /// It reaches the side that is seen.
+    Reaches,
+    /// Something is in the way.
+    Hidden,
+    /// It lies behind the side that is seen.
+    Behind,
+}
+
+/// A point that is seen, and how the light falls on it.
 #[derive(Clone, Copy)]
 struct Lit {
     seen: Seen,
-    lit: bool,
+    light: Light,
+}
+
+/// An eighth of a pixel boundary that was drawn wrongly, or rightly where something is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Place {
+    /// Its middle, pixels.
+    pub image_px: [f32; 2],
+    /// What is there.
+    pub flip: Flip,
+    /// Something is drawn there; otherwise the flip lies more than the reach from everything drawn.
+    pub drawn: bool,
+    /// What is drawn is a flip, or what is a flip is drawn.
+    pub right: bool,
 }
 
 impl ShadowTruth {
@@ -49,8 +80,8 @@ impl ShadowTruth {
         let parts: Vec<Vec<u32>> = scene.meshes.iter().map(smooth_parts).collect();
         let at = |x: f32, y: f32| {
             let seen = see(scene, world, view, &parts, x, y)?;
-            let lit = is_lit(world, view, light, &seen);
-            Some(Lit { seen, lit })
+            let light = falls_on(world, view, light, &seen);
+            Some(Lit { seen, light })
         };
         let line = |count: usize, at: &dyn Fn(f32) -> Option<Lit>| -> Vec<Flip> {
             let points: Vec<_> = (0..=8 * count).map(|k| at(k as f32 / 8.0)).collect();
@@ -79,23 +110,100 @@ impl ShadowTruth {
         line_of(&self.columns, x, self.stride)
     }
 
-    /// Scores crossings of shadow edges alone. They and flips match if they are at most `reach` eighths apart.
+    /// Scores crossings of this light's shadow edges alone. They and flips match if they are at most `reach` eighths apart.
     pub fn score_within(&self, crossings: &Crossings, reach: usize) -> Score {
         let mut score = Score::default();
-        for (i, flips) in self.rows.iter().enumerate() {
-            let y = (i + 1) * self.stride;
-            add(&mut score, flips, reach, |k| {
-                crossings.horizontal[y * self.width + k / 8] >> (k % 8) & 1 == 1
-            });
-        }
-        for (i, flips) in self.columns.iter().enumerate() {
-            let x = (i + 1) * self.stride;
-            add(&mut score, flips, reach, |k| {
-                crossings.vertical[k / 8 * (self.width + 1) + x] >> (k % 8) & 1 == 1
-            });
-        }
+        self.places(crossings, reach, |place| {
+            if place.flip == Flip::Shadow {
+                score.steps += 1;
+                let drawn = place.drawn || place.right;
+                score.steps_drawn += usize::from(drawn);
+            }
+            if place.drawn {
+                score.drawn += 1;
+                score.drawn_true += usize::from(place.right);
+            }
+        });
         score
     }
+
+    /// Visits everything that [`ShadowTruth::score_within`] counts.
+    pub fn places(&self, crossings: &Crossings, reach: usize, mut visit: impl FnMut(Place)) {
+        for (y, flips, drawn) in rows(&self.rows, self.stride, self.width, crossings) {
+            let at = |k: usize| [(k as f32 + 0.5) / 8.0, y as f32];
+            places(flips, reach, &drawn, at, &mut visit);
+        }
+        for (x, flips, drawn) in columns(&self.columns, self.stride, self.width, crossings) {
+            let at = |k: usize| [x as f32, (k as f32 + 0.5) / 8.0];
+            places(flips, reach, &drawn, at, &mut visit);
+        }
+    }
+}
+
+/// Scores crossings of edges of all kinds against steps in depth and the shadows of all lights. All truths are of one view
+/// and stride. Crossings and what they stand for match if they are at most `reach` eighths apart.
+pub fn score_together(
+    depth: &Truth,
+    shadows: &[ShadowTruth],
+    crossings: &Crossings,
+    reach: usize,
+) -> Score {
+    let mut score = Score::default();
+    let (width, stride) = (depth.width, depth.stride);
+    for (i, (_, steps, drawn)) in rows(&depth.rows, stride, width, crossings).enumerate() {
+        let of_lights = shadows.iter().filter_map(|s| s.rows.get(i));
+        let both = merged(steps, of_lights.map(Vec::as_slice));
+        score.add(&both, reach, drawn);
+    }
+    for (i, (_, steps, drawn)) in columns(&depth.columns, stride, width, crossings).enumerate() {
+        let of_lights = shadows.iter().filter_map(|s| s.columns.get(i));
+        let both = merged(steps, of_lights.map(Vec::as_slice));
+        score.add(&both, reach, drawn);
+    }
+    score
+}
+
+/// Shadow edges are to be found as steps are; a terminator may be drawn.
+fn merged<'a>(steps: &[Step], of_lights: impl Iterator<Item = &'a [Flip]>) -> Vec<Step> {
+    let mut both = steps.to_vec();
+    for flips in of_lights {
+        for (step, flip) in both.iter_mut().zip(flips) {
+            match (*step, flip) {
+                (_, Flip::Shadow) => *step = Step::Depth,
+                (Step::Nothing, Flip::Terminator) => *step = Step::Meeting,
+                _ => {}
+            }
+        }
+    }
+    both
+}
+
+/// Horizontal lines with their place and what is drawn on them.
+fn rows<'a, T>(
+    lines: &'a [Vec<T>],
+    stride: usize,
+    width: usize,
+    crossings: &'a Crossings,
+) -> impl Iterator<Item = (usize, &'a [T], impl Fn(usize) -> bool + 'a)> {
+    lines.iter().enumerate().map(move |(i, line)| {
+        let y = (i + 1) * stride;
+        let drawn = move |k: usize| crossings.horizontal[y * width + k / 8] >> (k % 8) & 1 == 1;
+        (y, line.as_slice(), drawn)
+    })
+}
+
+/// Vertical lines with their place and what is drawn on them.
+fn columns<'a, T>(
+    lines: &'a [Vec<T>],
+    stride: usize,
+    width: usize,
+    crossings: &'a Crossings,
+) -> impl Iterator<Item = (usize, &'a [T], impl Fn(usize) -> bool + 'a)> {
+    lines.iter().enumerate().map(move |(i, line)| {
+        let x = (i + 1) * stride;
+        let drawn = move |k: usize| crossings.vertical[k / 8 * (width + 1) + x] >> (k % 8) & 1 == 1;
+        (x, line.as_slice(), drawn)
+    })
 }
 
 fn line_of(lines: &[Vec<Flip>], at: usize, stride: usize) -> &[Flip] {
@@ -106,39 +214,54 @@ fn line_of(lines: &[Vec<Flip>], at: usize, stride: usize) -> &[Flip] {
         .unwrap_or_default()
 }
 
-fn add(score: &mut Score, flips: &[Flip], reach: usize, drawn: impl Fn(usize) -> bool) {
+fn places(
+    flips: &[Flip],
+    reach: usize,
+    drawn: impl Fn(usize) -> bool,
+    at: impl Fn(usize) -> [f32; 2],
+    visit: &mut impl FnMut(Place),
+) {
     let near = |k: usize| k.saturating_sub(reach)..(k + reach + 1).min(flips.len());
+    let doubtful = |j: usize| matches!(flips[j], Flip::Apart | Flip::Terminator);
     for k in 0..flips.len() {
-        if flips[k] == Flip::Shadow {
-            score.steps += 1;
-            score.steps_drawn += usize::from(near(k).any(&drawn));
-        }
-        if drawn(k) {
-            let flips_there = near(k).any(|j| flips[j] == Flip::Shadow);
-            let apart = near(k).any(|j| flips[j] == Flip::Apart);
-            score.drawn += usize::from(flips_there || !apart);
-            score.drawn_true += usize::from(flips_there);
+        let is_shadow = flips[k] == Flip::Shadow;
+        let here = drawn(k);
+        let right = if here {
+            near(k).any(|j| flips[j] == Flip::Shadow)
+        } else {
+            is_shadow && near(k).any(&drawn)
+        };
+        let counts = is_shadow || (here && (right || !near(k).any(doubtful)));
+        if counts {
+            visit(Place {
+                image_px: at(k),
+                flip: flips[k],
+                drawn: here,
+                right,
+            });
         }
     }
 }
 
 /// Whether the light lies on the side of the surface that is seen, with nothing between.
-fn is_lit(world: &World, view: &View, light: Vec3, seen: &Seen) -> bool {
+fn falls_on(world: &World, view: &View, light: Vec3, seen: &Seen) -> Light {
     let place = view.eye + seen.direction * seen.hit.t;
     let towards = |p: Vec3| seen.normal.dot(p - place);
     if towards(light) * towards(view.eye) <= 0.0 {
-        return false;
+        return Light::Behind;
     }
     let ray = Ray {
         origin: light,
         direction: place - light,
     };
     let own = (seen.hit.instance, seen.hit.face);
-    world
-        .occluder_where(&ray, 1.0 - CONTACT, |instance, face| {
-            (instance, face) != own
-        })
-        .is_none()
+    let occluder = world.occluder_where(&ray, 1.0 - CONTACT, |instance, face| {
+        (instance, face) != own
+    });
+    match occluder {
+        Some(_) => Light::Hidden,
+        None => Light::Reaches,
+    }
 }
 
 fn flip(a: Option<Lit>, b: Option<Lit>) -> Flip {
@@ -146,11 +269,16 @@ fn flip(a: Option<Lit>, b: Option<Lit>) -> Flip {
         return Flip::Apart;
     };
     if between(Some(a.seen), Some(b.seen), SAME_SURFACE) != Step::Nothing {
-        Flip::Apart
-    } else if a.lit == b.lit {
-        Flip::None
-    } else {
-        Flip::Shadow
+        return Flip::Apart;
+    }
+    match (a.light, b.light) {
+        (Light::Reaches, Light::Reaches) => Flip::Lit,
+        (Light::Hidden, Light::Hidden) => Flip::Dark,
+        (Light::Behind, Light::Behind | Light::Hidden) | (Light::Hidden, Light::Behind) => {
+            Flip::Away
+        }
+        (Light::Behind, Light::Reaches) | (Light::Reaches, Light::Behind) => Flip::Terminator,
+        (Light::Reaches, Light::Hidden) | (Light::Hidden, Light::Reaches) => Flip::Shadow,
     }
 }
 
@@ -271,7 +399,11 @@ mod tests {
                 let ends = [k, k + 1].map(|k| at(k as f32 / 8.0));
                 let [a, b] = ends.map(|(x, y)| plane_lit(&view, x, y));
                 let (Some(a), Some(b)) = (a, b) else { continue };
-                let right = if a == b { Flip::None } else { Flip::Shadow };
+                let right = match (a, b) {
+                    (true, true) => Flip::Lit,
+                    (false, false) => Flip::Dark,
+                    _ => Flip::Shadow,
+                };
                 flips += usize::from(a != b);
                 wrong += usize::from(found != right);
             }
@@ -293,11 +425,11 @@ mod tests {
         let parts: Vec<Vec<u32>> = scene.meshes.iter().map(smooth_parts).collect();
         let (x, y, _) = view.project(Vec3::new(0.05, 1.5, 0.05)).unwrap();
         let top = see(&scene, &world, &view, &parts, x, y).unwrap();
-        assert!(is_lit(&world, &view, LIGHT, &top));
+        assert_eq!(falls_on(&world, &view, LIGHT, &top), Light::Reaches);
         let (x, y, _) = view.project(Vec3::new(0.05, 1.25, 0.5)).unwrap();
         let front = see(&scene, &world, &view, &parts, x, y).unwrap();
         assert_eq!(front.hit.instance, 1);
-        assert!(!is_lit(&world, &view, LIGHT, &front));
+        assert_eq!(falls_on(&world, &view, LIGHT, &front), Light::Behind);
     }
 
     /// The outline of the box's shadow on the plane, by the corners' projections from the light.
