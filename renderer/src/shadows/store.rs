@@ -3,8 +3,10 @@
 //! Driven by the triples that shader servers report: nothing is computed for a pair of light and blocker that no sample
 //! has met. A pair is computed whole, for all receivers known of it, since nearer ones hide others; it is computed again
 //! when another receiver turns up and when any of them moves. What an edit moved is taken to meet the same receivers as
-//! before until samples say more, so that its edges move with it at once. Pairs are computed in the order in which
-//! samples met them, which is that of what can be seen best: samples are asked for in that order.
+//! before until samples say more, so that its edges move with it at once. Where another blocker of the light hides it from
+//! the blocker or the receiver there is no edge; edges are cut anew when such a blocker turns up or moves, once nothing is
+//! more urgent. Pairs are computed in the order in which samples met them, which is that of what can be seen best: samples
+//! are asked for in that order.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -27,6 +29,8 @@ struct Pair {
     version: u64,
     /// Something has changed since that job was given.
     stale: bool,
+    /// What else blocks the light has changed since, and may hide more of it or less.
+    uncut: bool,
     cast: Cast,
 }
 
@@ -101,11 +105,24 @@ impl Shadows {
     /// Takes in what samples met.
     pub fn learn(&mut self, triples: &[Triple]) {
         for triple in triples {
-            let pair = self
-                .pairs
-                .entry((triple.light, triple.blocker))
-                .or_default();
+            let key = (triple.light, triple.blocker);
+            if !self.pairs.contains_key(&key) {
+                self.doubt(triple.light);
+            }
+            let pair = self.pairs.entry(key).or_default();
             pair.stale |= pair.receivers.insert(triple.receiver);
+        }
+    }
+
+    /// What blocks a light has changed.
+    fn doubt(&mut self, light: u32) {
+        let lines = self.lines;
+        let known = self.scene.lights.get(light as usize);
+        if known.is_none_or(|l| lines.is_none_or(|lines| !lines.are_whole(l))) {
+            return;
+        }
+        for (_, pair) in self.pairs.range_mut(of_light(light)) {
+            pair.uncut = true;
         }
     }
 
@@ -115,6 +132,13 @@ impl Shadows {
         if let Some(placed) = scene.objects.get_mut(object as usize) {
             placed.place(transform);
             self.moved.push(object);
+            let lights: Vec<u32> = self
+                .pairs
+                .keys()
+                .filter(|p| p.1 == object)
+                .map(|p| p.0)
+                .collect();
+            lights.into_iter().for_each(|light| self.doubt(light));
             for ((_, blocker), pair) in &mut self.pairs {
                 if *blocker == object {
                     pair.stale = true;
@@ -140,7 +164,7 @@ impl Shadows {
             return;
         }
         *place = changed;
-        for (_, pair) in self.pairs.range_mut((light, 0)..=(light, u32::MAX)) {
+        for (_, pair) in self.pairs.range_mut(of_light(light)) {
             pair.stale = true;
             pair.cast = Cast::default();
         }
@@ -153,25 +177,7 @@ impl Shadows {
         if !self.moved.is_empty() {
             self.ask_meets();
         }
-        if let Some(lines) = self.lines {
-            for (&pair, state) in &mut self.pairs {
-                if !state.stale {
-                    continue;
-                }
-                self.last_version += 1;
-                (state.version, state.stale) = (self.last_version, false);
-                let job = Job::Pair {
-                    pair,
-                    version: state.version,
-                    scene: Arc::clone(&self.scene),
-                    receivers: state.receivers.iter().copied().collect(),
-                    lines,
-                };
-                if self.worker.as_ref().is_some_and(|w| w.send(job)) {
-                    self.under_way += 1;
-                }
-            }
-        }
+        self.ask_pairs();
         while self.under_way > 0 {
             let Some(answer) = self.worker.as_ref().and_then(|w| w.answer(wait)) else {
                 break;
@@ -179,6 +185,40 @@ impl Shadows {
             self.under_way -= 1;
             self.take(answer);
         }
+    }
+
+    /// Has pairs computed: first those whose own parts have changed, and only while none has those that others may hide.
+    fn ask_pairs(&mut self) {
+        let Some(lines) = self.lines else { return };
+        let mut wanted: Vec<(u32, u32)> = self.pairs_where(|p| p.stale);
+        if wanted.is_empty() && self.under_way == 0 {
+            wanted = self.pairs_where(|p| p.uncut);
+        }
+        for pair in wanted {
+            let others = self.pairs.range(of_light(pair.0)).map(|(p, _)| p.1);
+            let others = others.filter(|o| *o != pair.1).collect();
+            let Some(state) = self.pairs.get_mut(&pair) else {
+                continue;
+            };
+            self.last_version += 1;
+            (state.version, state.stale, state.uncut) = (self.last_version, false, false);
+            let job = Job::Pair {
+                pair,
+                version: state.version,
+                scene: Arc::clone(&self.scene),
+                receivers: state.receivers.iter().copied().collect(),
+                others,
+                lines,
+            };
+            if self.worker.as_ref().is_some_and(|w| w.send(job)) {
+                self.under_way += 1;
+            }
+        }
+    }
+
+    fn pairs_where(&self, is: impl Fn(&Pair) -> bool) -> Vec<(u32, u32)> {
+        let pairs = self.pairs.iter().filter(|(_, pair)| is(pair));
+        pairs.map(|(key, _)| *key).collect()
     }
 
     fn ask_meets(&mut self) {
@@ -256,6 +296,11 @@ impl Shadows {
     pub fn scene(&self) -> &ShadowScene {
         &self.scene
     }
+}
+
+/// All pairs of a light.
+fn of_light(light: u32) -> std::ops::RangeInclusive<(u32, u32)> {
+    (light, 0)..=(light, u32::MAX)
 }
 
 #[cfg(test)]

@@ -26,6 +26,14 @@ pub enum Lines {
     Middle,
 }
 
+impl Lines {
+    /// Whether nothing of the light is seen past what hides these lines, as half of a light that has a size may be past
+    /// what hides its middle.
+    pub(super) fn are_whole(self, light: &ShadowLight) -> bool {
+        self == Self::Boundaries || light.extent() == 0.0
+    }
+}
+
 /// What is to be computed. Jobs are done in the order in which they come.
 pub(super) enum Job {
     /// The edges that one blocker throws on its receivers in one light.
@@ -36,6 +44,8 @@ pub(super) enum Job {
         version: u64,
         scene: Arc<ShadowScene>,
         receivers: Vec<u32>,
+        /// What else blocks the light.
+        others: Vec<u32>,
         lines: Lines,
     },
     /// Where objects pass through one another, all of them or, later on, those that moved.
@@ -155,6 +165,38 @@ impl Drop for Worker {
     }
 }
 
+/// What the events of a pair may fall on.
+#[derive(Clone, Copy)]
+struct Met<'a> {
+    receivers: &'a [u32],
+    /// What else blocks the light.
+    others: &'a [u32],
+}
+
+impl Met<'_> {
+    /// Everything that takes part. The blocker always does: it hides what it stands before, itself too. With `hidden` so
+    /// does what blocks the light elsewhere: where it hides the light from the blocker, or what lies behind the blocker, there
+    /// is nothing for the blocker's shadow to take away.
+    fn casting<'s>(&self, scene: &'s ShadowScene, blocker: u32, hidden: bool) -> Vec<Casting<'s>> {
+        let others = self.others.iter().filter(|_| hidden);
+        let mut ids: Vec<u32> = self.receivers.iter().chain(others).copied().collect();
+        ids.push(blocker);
+        ids.sort_unstable();
+        ids.dedup();
+        let all = ids.into_iter().filter_map(|id| {
+            let object = scene.objects.get(id as usize)?;
+            Some(Casting {
+                tree: object.mesh.faces(),
+                to_object: object.to_object?,
+                id,
+                is_blocker: id == blocker,
+                receives: self.receivers.contains(&id),
+            })
+        });
+        all.collect()
+    }
+}
+
 /// What is kept from job to job.
 #[derive(Default)]
 struct Shop {
@@ -173,11 +215,16 @@ impl Shop {
                 version,
                 scene,
                 receivers,
+                others,
                 lines,
             } => {
                 let mut edges = Vec::new();
                 self.events.clear();
-                self.cast(&scene, pair, &receivers, lines, &mut edges);
+                let met = Met {
+                    receivers: &receivers,
+                    others: &others,
+                };
+                self.cast(&scene, pair, met, lines, &mut edges);
                 Answer::Pair {
                     pair,
                     version,
@@ -211,7 +258,7 @@ impl Shop {
         &mut self,
         scene: &ShadowScene,
         (light, blocker): (u32, u32),
-        receivers: &[u32],
+        met: Met<'_>,
         lines: Lines,
         out: &mut Vec<ShadowEdge>,
     ) {
@@ -224,6 +271,7 @@ impl Shop {
         let Some(to_object) = object.to_object else {
             return;
         };
+        let whole = lines.are_whole(light);
         match lines {
             Lines::Boundaries => self.light.set_transformed(light, &to_object),
             Lines::Middle => self.light.set_transformed(&light.middle(), &to_object),
@@ -244,21 +292,7 @@ impl Shop {
             &mut self.finding,
             &mut self.events,
         );
-        // The blocker always takes part: it hides what it stands before, itself too.
-        let others = receivers.iter().filter(|&&r| r != blocker);
-        let all = others.chain(std::iter::once(&blocker));
-        let list: Vec<Casting<'_>> = all
-            .filter_map(|&id| {
-                let object = scene.objects.get(id as usize)?;
-                Some(Casting {
-                    tree: object.mesh.faces(),
-                    to_object: object.to_object?,
-                    id,
-                    is_blocker: id == blocker,
-                    receives: receivers.contains(&id),
-                })
-            })
-            .collect();
+        let list = met.casting(scene, blocker, whole);
         for event in &self.events {
             let world = Event {
                 wedge: event.wedge.transformed(&object.to_world),
