@@ -1,7 +1,9 @@
 //! Drawn shadow edges of point lights against those that dense ray casting finds.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
+use std::time::Instant;
 
 use glam::Vec3;
 use image::{Rgb, RgbImage};
@@ -10,6 +12,7 @@ use protocol::scene::{Light, Scene};
 use renderer::camera::View;
 use renderer::config::{Choices, ShadowEdges};
 use renderer::edges::crossings::Crossings;
+use renderer::edges::finder::EdgeFinder;
 use renderer::edges::tree::EdgeKind;
 use renderer::edges::truth::{Score, Truth};
 use renderer::edges::visible::VisibleEdges;
@@ -17,7 +20,9 @@ use renderer::edges::world::world_of;
 use renderer::epi::grid::Grid;
 use renderer::frame::EdgeStage;
 use renderer::points::PixelSamples;
+use renderer::shadows::store::Shadows;
 use renderer::shadows::truth::{Flip, Place, ShadowTruth, score_together};
+use renderer::shadows::worker::Lines;
 use renderer::stats::StageMs;
 use shader_server::camera::Pinhole;
 use shader_server::shadows::ShadowRays;
@@ -37,6 +42,9 @@ pub struct Report {
     pub shadows: Vec<(usize, Score)>,
     /// Edges of every kind together.
     pub together: Score,
+    /// Time to compute the shadow edges of all pairs anew, ms: each pair cut by all blockers of its light, and by its own
+    /// receivers alone.
+    pub ms: [f64; 2],
     /// What the false crossings of shadow edges lie on.
     pub causes: Causes,
     /// Squares with the most wrong places: their corner in the picture, pixels; missed; false.
@@ -126,16 +134,44 @@ pub fn measure(subject: Subject<'_>, map: Option<&mut RgbImage>) -> Result<Repor
     let drawn = draw(scene, view, &triples);
     report.together = score_together(&depth, &truths, &drawn.all, REACH);
     report.worst = tiles.worst();
+    report.ms = time(scene, &triples);
     Ok(report)
 }
 
-/// What a display draws that knows these triples.
-struct Drawn {
-    all: Crossings,
-    shadows: Crossings,
+/// See [`Report::ms`].
+fn time(scene: &Scene, triples: &[Triple]) -> [f64; 2] {
+    let finder = EdgeFinder::new(scene);
+    let anew = |triples: &[Triple]| {
+        let mut shadows = Shadows::new(scene, &finder, Some(Lines::Boundaries));
+        shadows.learn(triples);
+        shadows.update(true);
+        // Trees have been built; the answer to a question that is asked again is what costs.
+        shadows.set_lines(None);
+        shadows.set_lines(Some(Lines::Boundaries));
+        let start = Instant::now();
+        shadows.update(true);
+        start.elapsed().as_secs_f64() * 1e3
+    };
+    let mut pairs: BTreeMap<(u32, u32), Vec<Triple>> = BTreeMap::new();
+    for triple in triples {
+        let pair = pairs.entry((triple.light, triple.blocker)).or_default();
+        pair.push(*triple);
+    }
+    [anew(triples), pairs.values().map(|own| anew(own)).sum()]
 }
 
-fn draw(scene: &Scene, view: &View, triples: &[Triple]) -> Drawn {
+/// What a display draws of a resting view.
+#[derive(Clone, Debug)]
+pub struct Drawn {
+    /// Edges of all kinds.
+    pub all: Crossings,
+    /// Shadow edges alone.
+    pub shadows: Crossings,
+}
+
+/// What a display draws that knows these triples.
+#[must_use]
+pub fn draw(scene: &Scene, view: &View, triples: &[Triple]) -> Drawn {
     let choices = Choices {
         shadow_edges: ShadowEdges::All,
         ..Choices::default()
@@ -145,7 +181,10 @@ fn draw(scene: &Scene, view: &View, triples: &[Triple]) -> Drawn {
     stage.learn(triples);
     stage.update_shadows(true);
     let pixels = PixelSamples::new(grid);
-    stage.find(view, &scene.lights, &pixels, &mut StageMs::default());
+    // The second time, edges rest and are looked at closely.
+    let mut ms = StageMs::default();
+    stage.find(view, &scene.lights, &pixels, &mut ms);
+    stage.find(view, &scene.lights, &pixels, &mut ms);
     let (list, visible) = (stage.list(), stage.visible());
     let mut parts = VisibleEdges::default();
     for ((edge, segment), range) in visible
@@ -167,7 +206,10 @@ fn draw(scene: &Scene, view: &View, triples: &[Triple]) -> Drawn {
 }
 
 /// What one sample in the middle of every pixel meets.
-fn triples_of(scene: &Scene, view: &View) -> Result<Vec<Triple>, StageError> {
+///
+/// # Errors
+/// If the scene cannot be shaded.
+pub fn triples_of(scene: &Scene, view: &View) -> Result<Vec<Triple>, StageError> {
     let stage = Stage::build(Arc::new(scene.clone()))?;
     let rays = ShadowRays::default();
     let mut shader = Shader::new(&stage, &rays, 1);

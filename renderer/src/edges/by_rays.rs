@@ -23,13 +23,18 @@ pub struct RaySettings {
     pub tolerance: f32,
 }
 
+impl RaySettings {
+    /// For pictures that move.
+    pub const DEFAULT: Self = Self {
+        spacing_px: 6.0,
+        precision_px: 0.25,
+        tolerance: 1e-5,
+    };
+}
+
 impl Default for RaySettings {
     fn default() -> Self {
-        Self {
-            spacing_px: 6.0,
-            precision_px: 0.25,
-            tolerance: 1e-5,
-        }
+        Self::DEFAULT
     }
 }
 

@@ -66,6 +66,8 @@ pub struct EdgeStage {
     effort: Effort,
     /// Generation of the shadows that the list holds.
     known: u64,
+    /// The list that was drawn last.
+    drawn: [u64; 2],
 }
 
 impl EdgeStage {
@@ -91,6 +93,7 @@ impl EdgeStage {
             tallies: Vec::new(),
             effort: Effort::default(),
             known: 0,
+            drawn: [0; 2],
             finder,
             list: EdgeList::default(),
             drawer: EdgeDrawer::default(),
@@ -163,8 +166,9 @@ impl EdgeStage {
         }
     }
 
-    /// Finds the view's edges and draws those that can be seen. With rays it does nothing while nothing moves; with points
-    /// the answer depends on the samples, so that edges are drawn anew in every frame.
+    /// Finds the view's edges and draws those that can be seen. With rays it looks closer once when edges stay as they are,
+    /// and does nothing while nothing moves after that; with points the answer depends on the samples, so that edges are
+    /// drawn anew in every frame.
     pub fn find(&mut self, view: &View, lights: &[Light], pixels: &PixelSamples, ms: &mut StageMs) {
         let Self {
             finder,
@@ -199,8 +203,15 @@ impl EdgeStage {
         if self.culling == Culling::Points {
             ms.time(Stage::Depth, || copy_depth(pixels, depth));
         }
+        let drawn = [list.generation, list.appended];
+        let rests = std::mem::replace(&mut self.drawn, drawn) == drawn;
+        let settings = if rests {
+            AT_REST
+        } else {
+            RaySettings::default()
+        };
         let hiding = match (self.culling, &self.world) {
-            (Culling::Rays, Some(world)) => Hiding::Rays(world, RaySettings::default()),
+            (Culling::Rays, Some(world)) => Hiding::Rays(world, settings),
             (Culling::Points, _) => Hiding::Points(depth, DepthOffset::default()),
             (Culling::None | Culling::Rays, _) => Hiding::None,
         };
@@ -282,6 +293,12 @@ impl Display {
         &self.edges
     }
 }
+/// How finely edges are looked at that stay as they are. Moving ones have to be done with too soon for that.
+const AT_REST: RaySettings = RaySettings {
+    spacing_px: 1.0,
+    precision_px: 0.125,
+    tolerance: RaySettings::DEFAULT.tolerance,
+};
 
 /// Penumbrae wider than this are never cut, pixels: samples as sparse as that resolve nothing.
 pub const WIDEST_PX: f32 = 8.0;

@@ -4,4 +4,5 @@ mod coincident;
 mod drive;
 mod shadows;
 mod switch;
+mod shadow_edges;
 mod two_colours;
