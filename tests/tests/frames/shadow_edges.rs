@@ -96,7 +96,7 @@ fn scene(blockers: Vec<Mesh>) -> Scene {
         },
         lights: vec![Light::Area {
             vertices: corners(0.6, LIGHT)
-                .map(|[x, y, z]| [x + 0.1, y, z - 0.2])
+                .map(|[x, y, z]| [x + 0.13, y, z - 0.2])
                 .to_vec(),
             radiance: [50.0; 3],
         }],
