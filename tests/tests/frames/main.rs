@@ -2,7 +2,7 @@
 
 mod coincident;
 mod drive;
+mod shadow_edges;
 mod shadows;
 mod switch;
-mod shadow_edges;
 mod two_colours;
