@@ -8,9 +8,11 @@ use crate::load::{LoadedScene, load, load_text};
 /// The scene to show if none is asked for.
 pub const DEFAULT: &str = "chains";
 
-const FILES: [(&str, &str); 2] = [
+const FILES: [(&str, &str); 4] = [
     ("chains", include_str!("../chains.toml")),
     ("rooms", include_str!("../rooms.toml")),
+    ("torus", include_str!("../torus.toml")),
+    ("grid", include_str!("../grid.toml")),
 ];
 
 /// Names that [`builtin`] knows.

@@ -7,6 +7,7 @@ mod limits;
 mod params;
 mod round;
 mod solids;
+mod tube;
 
 use protocol::scene::{Affine, Mesh};
 

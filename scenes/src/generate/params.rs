@@ -5,6 +5,7 @@ use serde::Deserialize;
 use super::Made;
 use super::builder::Builder;
 use super::chain::{self, ChainSpec};
+use super::tube::{self, TubeSpec};
 use super::{furniture, round, solids};
 
 /// A mesh to make. Lengths are in metres, y is up; centred on the origin unless said otherwise. All but `plane` are closed
@@ -90,6 +91,8 @@ pub(crate) enum Generator {
     },
     /// Linked tori along a curve, each an object of its own.
     Chain(ChainSpec),
+    /// A round body along a curve.
+    Tube(TubeSpec),
     /// Stands on y = 0: a top and four legs.
     Table {
         size: [f32; 3],
@@ -196,6 +199,7 @@ impl Generator {
                 openings,
                 cell,
             } => solids::wall(&mut b, *size, openings, *cell),
+            Self::Tube(spec) => tube::tube(&mut b, spec)?,
             &Self::Table {
                 size,
                 thickness,

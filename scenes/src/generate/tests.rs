@@ -78,6 +78,8 @@ fn closed_generators_are_closed() {
         "kind = 'bars'\nsize = [1, 2]\nbars = [4, 6]\nwidth = 0.05\nthickness = 0.1",
         "kind = 'wall'\nsize = [5, 3, 0.2]\nopenings = [[1, 0, 2, 2.1], [3, 1, 4, 2]]",
         "kind = 'wall'\nsize = [5, 3, 0.2]",
+        "kind = 'tube'\nkeys = [[0, 0, 0, 0.1], [1, 0, 0, 0.2]]",
+        "kind = 'tube'\nkeys = [[0, 0, 0, 0.05], [0, 1, 0, 0.2], [0.8, 1, 0.5, 0.1]]\nscales = 12\ncrest = 0.2",
         "kind = 'chain'\nlinks = 2\nkeys = [[0, 0, 0], [0.7, 0, 0]]\nmajor = 0.5\nminor = 0.1",
     ] {
         let mesh = make(toml);
@@ -142,6 +144,11 @@ fn check_boxes(mesh: &Mesh) {
 fn counts_are_as_documented() {
     let torus = make("kind = 'torus'\nmajor = 1\nminor = 0.2\naround = 48\nacross = 24");
     assert_eq!((torus.positions.len(), torus.faces.len()), (48 * 24, 2304));
+    let tube = make("kind = 'tube'\nkeys = [[0, 0, 0, 1], [1, 0, 0, 1]]\naround = 5\nalong = 7");
+    assert_eq!(
+        (tube.positions.len(), tube.faces.len()),
+        (5 * 8 + 2, 2 * 5 * 8)
+    );
     let ico = make("kind = 'icosphere'\nradius = 1\nsteps = 2");
     assert_eq!(ico.faces.len(), 320);
     let plane = make("kind = 'plane'\nsize = [2, 2]\ncells = [3, 4]");
@@ -179,6 +186,10 @@ fn bad_parameters_are_refused() {
         "kind = 'lathe'\nprofile = [[0.1, 0], [1, 1], [0, 2]]",
         "kind = 'icosphere'\nradius = 1\nsteps = 40",
         "kind = 'books'\nlength = 1\nheight = 1\ndepth = 1\npart = 3\nof = 2",
+        "kind = 'tube'\nkeys = [[0, 0, 0, 0.1]]",
+        "kind = 'tube'\nkeys = [[0, 0, 0, 0.1], [0, 0, 0, 0.1]]",
+        "kind = 'tube'\nkeys = [[0, 0, 0, 0], [1, 0, 0, 0.1]]",
+        "kind = 'tube'\nkeys = [[0, 0, 0, 0.1], [1, 0, 0, 0.1]]\nscales = 8\nrelief = nan",
         "kind = 'chain'\nlinks = 3\nkeys = [[0, 0, 0], [0, 0, 0]]\nmajor = 0.5\nminor = 0.1",
     ] {
         let generator: Generator = toml::from_str(toml).unwrap();
