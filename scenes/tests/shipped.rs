@@ -165,6 +165,73 @@ fn rooms_is_what_it_says() {
     assert_eq!(rooms.report.non_manifold_edges, 0);
 }
 
+#[test]
+fn the_torus_touches_the_ground_and_the_capsule_and_enters_neither() {
+    let torus = builtin("torus").unwrap();
+    assert!(
+        (29_000..=31_000).contains(&torus.report.triangles),
+        "{}",
+        torus.report
+    );
+    assert_eq!(torus.scene.lights.len(), 1);
+    let object = |name: &str| {
+        let found = torus.scene.objects.iter().find(|o| o.name == name);
+        found.expect("the scene has it").transform
+    };
+    let (ring, capsule) = (object("torus"), object("capsule"));
+    let (major, minor, radius, half) = (0.45, 0.12, 0.25, 0.65);
+    let ends = [-half, half].map(|y| point(&capsule, [0.0, y, 0.0]));
+    let axis = (ends[1] - ends[0]).normalize();
+    let (mut low, mut near) = (f64::INFINITY, f64::INFINITY);
+    for i in 0..7200 {
+        let (sin, cos) = (f64::from(i) / 7200.0 * std::f64::consts::TAU).sin_cos();
+        let p = point(&ring, [major * cos, 0.0, major * sin]);
+        low = low.min(p.y);
+        let along = (p - ends[0]).dot(axis).clamp(0.0, 2.0 * half);
+        near = near.min(p.distance(ends[0] + axis * along));
+    }
+    let gaps = (low - minor, near - minor - radius);
+    assert!((-1e-4..1e-3).contains(&gaps.0), "ground {}", gaps.0);
+    assert!((-1e-4..1e-3).contains(&gaps.1), "capsule {}", gaps.1);
+}
+
+#[test]
+fn the_grid_hangs_between_the_light_and_the_dragon() {
+    let grid = builtin("grid").unwrap();
+    assert!(grid.report.triangles > 100_000, "{}", grid.report);
+    assert_eq!(grid.report.non_manifold_edges, 0);
+    assert_eq!(grid.report.boundary_edges, 4, "the ground's");
+    let [Light::Area { vertices, .. }] = grid.scene.lights.as_slice() else {
+        panic!("one area light");
+    };
+    let light = DVec3::from_array(vertices[0].map(f64::from));
+    let bounds = |name: &str| {
+        let of = grid
+            .scene
+            .objects
+            .iter()
+            .filter(|o| o.name.starts_with(name));
+        let points = of.flat_map(|o| {
+            let mesh = &grid.scene.meshes[o.mesh as usize];
+            mesh.positions
+                .iter()
+                .map(|p| point(&o.transform, p.map(f64::from)))
+        });
+        points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| {
+            (l.min(p), h.max(p))
+        })
+    };
+    let ((bars_low, bars_high), (low, high)) = (bounds("grid"), bounds("dragon/"));
+    assert!(
+        low.y > 0.0 && high.y < bars_low.y && bars_high.y < light.y,
+        "{low} {high}"
+    );
+    // Seen from the light, the middle of the dragon is behind the grid.
+    let middle = 0.5 * (low + high);
+    let at = light.lerp(middle, (light.y - bars_low.y) / (light.y - middle.y));
+    assert!((bars_low.x..bars_high.x).contains(&at.x) && (bars_low.z..bars_high.z).contains(&at.z));
+}
+
 /// Distance from a point to a triangle.
 fn distance(p: DVec3, [a, b, c]: [DVec3; 3]) -> f64 {
     let n = (b - a).cross(c - a);
@@ -206,13 +273,14 @@ fn clearance(loaded: &LoadedScene, steps: u16) -> f64 {
 
 #[test]
 fn the_orbits_cross_no_wall_and_hit_nothing() {
-    let (rooms, chains) = (
-        clearance(&builtin("rooms").unwrap(), 200),
-        clearance(&builtin("chains").unwrap(), 60),
-    );
-    println!("orbits keep {rooms:.2} m (rooms) and {chains:.2} m (chains)");
-    assert!(
-        rooms > 0.25 && chains > 0.5,
-        "rooms {rooms} m, chains {chains} m"
-    );
+    for (name, steps, kept) in [
+        ("rooms", 200, 0.25),
+        ("chains", 60, 0.5),
+        ("torus", 60, 0.5),
+        ("grid", 60, 0.5),
+    ] {
+        let clear = clearance(&builtin(name).unwrap(), steps);
+        println!("{name}: the orbit keeps {clear:.2} m");
+        assert!(clear > kept, "{name}: {clear} m");
+    }
 }
