@@ -34,6 +34,14 @@ pub fn builtin(name: &str) -> Result<LoadedScene, SceneError> {
     }
 }
 
+/// The scene file of a built-in scene, to make variants of; needs no other files.
+pub fn builtin_text(name: &str) -> Option<&'static str> {
+    FILES
+        .iter()
+        .find(|(n, _)| *n == name)
+        .map(|(_, text)| *text)
+}
+
 /// What a person may type: the path of a scene or mesh file, or the name of a built-in scene if no such file exists.
 ///
 /// # Errors

@@ -21,7 +21,7 @@ mod report;
 mod textures;
 mod transform;
 
-pub use builtin::{DEFAULT, builtin, builtin_names, open};
+pub use builtin::{DEFAULT, builtin, builtin_names, builtin_text, open};
 pub use error::{ErrorKind, SceneError};
 pub use load::{CameraSpec, LoadedScene, load};
 pub use motion::{Motion, MotionKey, Moving};

@@ -4,6 +4,8 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use protocol::scene::Light;
+
 use super::Places;
 
 /// A scene with a still camera and perhaps an independent picture of it.
@@ -34,6 +36,116 @@ pub fn find(places: &Places, work: &Path, quick: bool) -> io::Result<Vec<Case>> 
         cases.extend(["chains", "rooms"].map(|name| own(&places.checkout, name)));
     }
     Ok(cases)
+}
+
+/// The scenes in which shadow edges must pay, written into `work`: the scanned dragon where it is found, chains with its
+/// lights shrunk to points, and built-in ones.
+///
+/// # Errors
+/// When a scene file cannot be written into `work`.
+pub fn with_shadows(places: &Places, work: &Path, quick: bool) -> io::Result<Vec<Case>> {
+    let mut cases = Vec::new();
+    let dragon = places.shared.as_ref().map(|s| s.join("references/dragon"));
+    if let Some(folder) = dragon.filter(|f| !quick && f.join("ref.exr").is_file()) {
+        cases.push(Case {
+            name: "dragon-reference".to_owned(),
+            scene: folder.join("dragon.toml"),
+            picture: Some(folder.join("ref.exr")),
+            path: Some("move".to_owned()),
+            remark: "The scanned dragon under a grid, one small light; judged by a Mitsuba 3 picture of the same scene."
+                .to_owned(),
+        });
+    }
+    let text = |name: &str| scenes::builtin_text(name).unwrap_or_default();
+    let mut add = |name: &str, text: &str, remark: &str| -> io::Result<()> {
+        let scene = work.join(format!("{name}.toml"));
+        fs::write(&scene, text)?;
+        cases.push(Case {
+            name: name.to_owned(),
+            scene,
+            picture: None,
+            path: Some("orbit".to_owned()),
+            remark: remark.to_owned(),
+        });
+        Ok(())
+    };
+    let lights = scenes::builtin("chains")
+        .map_err(io::Error::other)?
+        .scene
+        .lights;
+    let points = with_point_lights(text("chains"), &lights);
+    add(
+        "chains-points",
+        &points,
+        "Chains with each light shrunk to a point of the same power along its normal.",
+    )?;
+    add(
+        "torus",
+        text("torus"),
+        "A torus leans on a capsule: contact and wide penumbrae.",
+    )?;
+    if !quick {
+        add("chains", text("chains"), "Penumbrae of all widths.")?;
+        add("rooms", text("rooms"), "Mostly wide penumbrae.")?;
+        add(
+            "grid",
+            text("grid"),
+            "A grid of bars over a dragon made of tubes, one small light.",
+        )?;
+    }
+    Ok(cases)
+}
+
+/// A scene's text with every area light shrunk to a point in its middle, as bright as it is along its normal.
+fn with_point_lights(text: &str, lights: &[Light]) -> String {
+    let mut lights = lights.iter();
+    let mut area = None;
+    let mut out = String::new();
+    for line in text.lines() {
+        if line.starts_with('[') {
+            area = None;
+        }
+        if line == "[[light]]" {
+            area = match lights.next() {
+                Some(Light::Area { vertices, radiance }) => Some((vertices, radiance)),
+                _ => None,
+            };
+        }
+        match (area, line.split(" = ").next()) {
+            (Some(_), Some("kind")) => out += "kind = \"point\"",
+            (Some((vertices, _)), Some("vertices")) => {
+                out += &format!("position = {:?}", middle(vertices));
+            }
+            (Some((vertices, radiance)), Some("radiance")) => {
+                let area = area_m2(vertices);
+                out += &format!("intensity = {:?}", radiance.map(|r| r * area));
+            }
+            _ => out += line,
+        }
+        out.push('\n');
+    }
+    out
+}
+
+fn middle(vertices: &[[f32; 3]]) -> [f32; 3] {
+    let mean = |k: usize| vertices.iter().map(|v| v[k]).sum::<f32>() / vertices.len() as f32;
+    [mean(0), mean(1), mean(2)]
+}
+
+/// Area of a planar convex polygon, m².
+fn area_m2(vertices: &[[f32; 3]]) -> f32 {
+    let minus = |a: [f32; 3], b: [f32; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+    let triangle = |b: [f32; 3], c: [f32; 3]| {
+        let (u, v) = (minus(b, vertices[0]), minus(c, vertices[0]));
+        let cross =
+            [0, 1, 2].map(|k| u[(k + 1) % 3] * v[(k + 2) % 3] - u[(k + 2) % 3] * v[(k + 1) % 3]);
+        cross.iter().map(|x| x * x).sum::<f32>().sqrt() / 2.0
+    };
+    vertices
+        .windows(2)
+        .skip(1)
+        .map(|w| triangle(w[0], w[1]))
+        .sum()
 }
 
 fn own(checkout: &Path, name: &str) -> Case {
@@ -134,6 +246,46 @@ mod tests {
         assert_eq!(paths[0].name, "move");
         let eye = paths[0].at_seconds(0.0).eye;
         assert!((eye[0] - 0.3).abs() < 1e-3 && (eye[2] - 4.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn lights_shrink_to_points_of_the_same_power() {
+        let text = "[[light]]\nname = \"a\"\nkind = \"area\"\n\
+                    vertices = [[0, 3, 0], [0, 3, 2], [2, 3, 2], [2, 3, 0]]\nradiance = [1, 2, 3]\n\
+                    [[object]]\nname = \"kind\"\ngenerate = { kind = \"plane\", size = [2, 2] }\n";
+        let folder = tempfile::tempdir().unwrap();
+        let load = |text: &str| {
+            let file = folder.path().join("a.toml");
+            fs::write(&file, text).unwrap();
+            scenes::load(&file).unwrap().scene.lights
+        };
+        let lights = load(&with_point_lights(text, &load(text)));
+        let [
+            Light::Point {
+                position,
+                intensity,
+            },
+        ] = lights.as_slice()
+        else {
+            panic!("{lights:?}");
+        };
+        assert_eq!((*position, *intensity), ([1.0, 3.0, 1.0], [4.0, 8.0, 12.0]));
+    }
+
+    #[test]
+    fn shadow_scenes_open() {
+        let (folder, work) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        let places = Places {
+            checkout: folder.path().to_owned(),
+            shared: None,
+        };
+        for case in with_shadows(&places, work.path(), false).unwrap() {
+            let loaded = scenes::load(&case.scene).unwrap();
+            assert!(loaded.path("orbit").is_some(), "{}", case.name);
+            let is_point = |l: &Light| matches!(l, Light::Point { .. });
+            let points = loaded.scene.lights.iter().all(is_point);
+            assert_eq!(points, case.name == "chains-points");
+        }
     }
 
     #[test]

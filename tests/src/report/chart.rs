@@ -254,7 +254,7 @@ fn padded_range(values: impl Iterator<Item = f64>) -> Option<Range<f64>> {
     (high > 0.0).then(|| low / 1.3..high * 1.3)
 }
 
-/// A logarithmic axis with ticks at 1, 2 and 5 times the powers of ten.
+/// A logarithmic axis with ticks at 1, 2 and 5 times the powers of ten, closer where it spans little.
 struct LogAxis(Range<f64>);
 
 impl Ranged for LogAxis {
@@ -270,7 +270,14 @@ impl Ranged for LogAxis {
     fn key_points<Hint: KeyPointHint>(&self, _hint: Hint) -> Vec<f64> {
         let decades = self.0.start.log10().floor() as i32..=self.0.end.log10().ceil() as i32;
         let wide = (self.0.end / self.0.start).log10() > 4.0;
-        let steps: &[f64] = if wide { &[1.0] } else { &[1.0, 2.0, 5.0] };
+        let narrow = self.0.end / self.0.start < 4.0;
+        let steps: &[f64] = match (wide, narrow) {
+            (true, _) => &[1.0],
+            (_, true) => &[
+                1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0,
+            ],
+            _ => &[1.0, 2.0, 5.0],
+        };
         decades
             .flat_map(|d| steps.iter().map(move |s| s * 10.0_f64.powi(d)))
             .filter(|v| (self.0.start..=self.0.end).contains(v))
@@ -284,8 +291,12 @@ impl Ranged for LogAxis {
 
 impl ValueFormatter<f64> for LogAxis {
     fn format(value: &f64) -> String {
-        let digits = (-value.log10().floor()).max(0.0) as usize;
-        format!("{value:.digits$}")
+        let digits = (1.0 - value.log10().floor()).max(0.0) as usize;
+        let text = format!("{value:.digits$}");
+        match text.contains('.') {
+            true => text.trim_end_matches('0').trim_end_matches('.').to_owned(),
+            false => text,
+        }
     }
 }
 
@@ -354,5 +365,7 @@ mod tests {
         assert_eq!(LogAxis::format(&0.005), "0.005");
         assert_eq!(LogAxis::format(&2000.0), "2000");
         assert_eq!(LogAxis(0.015..0.09).key_points(10), [0.02, 0.05]);
+        assert_eq!(LogAxis::format(&1.25), "1.2");
+        assert_eq!(LogAxis(0.75..1.3).key_points(10), [0.8, 0.9, 1.0, 1.2]);
     }
 }

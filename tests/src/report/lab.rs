@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use super::cases::Case;
 use super::machine::Machine;
 use super::page::Block;
-use super::runner::{Job, Method, Render, Run, RunError, Write};
+use super::runner::{Job, Method, Render, Run, RunError, Shadows, Write};
 use crate::picture::{Picture, PictureError};
 
 /// Frames of a timed run that are not counted: buffers grow and the cache fills.
@@ -38,6 +38,27 @@ pub struct Settings {
     pub timed: &'static [([u32; 2], u32)],
     /// How many of these sizes, from the first, are timed on all cores too.
     pub timed_on_all_cores: usize,
+    /// How shadow edges and moves are judged.
+    pub shadows: ShadowSettings,
+}
+
+/// How much is measured of shadow edges and of what moves.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ShadowSettings {
+    /// Width and height, pixels; an independent reference brings its own.
+    pub size_px: [u32; 2],
+    /// Samples a pixel of the renderer's own references.
+    pub reference_spp: u32,
+    /// Numbers of frames after which a still picture is judged, rising.
+    pub checkpoints: &'static [u32],
+    /// Numbers of frames after which thresholds are judged, rising.
+    pub threshold_checkpoints: &'static [u32],
+    /// Thresholds of the width of penumbrae, hundredths of the mean distance between samples.
+    pub widths: &'static [u32],
+    /// Frames for which one state of a scene is held before or after a step; it is held for two, then three of these.
+    pub move_frames: u32,
+    /// How many of the steps are measured.
+    pub moves: usize,
 }
 
 impl Settings {
@@ -54,6 +75,15 @@ impl Settings {
             path_reference_spp: 4,
             timed: &[([512, 512], 13), ([1280, 720], 8)],
             timed_on_all_cores: 1,
+            shadows: ShadowSettings {
+                size_px: [128, 128],
+                reference_spp: 32,
+                checkpoints: &[5, 10],
+                threshold_checkpoints: &[10],
+                widths: &[50, 150, 400],
+                move_frames: 6,
+                moves: 2,
+            },
         }
     }
 
@@ -70,6 +100,15 @@ impl Settings {
             path_reference_spp: 8,
             timed: &[([512, 512], 33), ([1920, 1080], 10), ([3840, 2160], 8)],
             timed_on_all_cores: 2,
+            shadows: ShadowSettings {
+                size_px: [256, 256],
+                reference_spp: 256,
+                checkpoints: &[5, 10, 25, 50, 100],
+                threshold_checkpoints: &[5, 10, 25],
+                widths: &[50, 100, 150, 200, 300, 400, 600],
+                move_frames: 20,
+                moves: usize::MAX,
+            },
         }
     }
 }
@@ -81,6 +120,8 @@ pub struct Lab<'a> {
     pub settings: Settings,
     /// The scenes.
     pub cases: Vec<Case>,
+    /// The scenes in which shadow edges must pay.
+    pub shadow_cases: Vec<Case>,
     /// The machine measured on.
     pub machine: Machine,
     work: PathBuf,
@@ -112,6 +153,7 @@ impl<'a> Lab<'a> {
             renderer,
             settings,
             cases,
+            shadow_cases: Vec::new(),
             machine,
             work,
             start,
@@ -120,6 +162,11 @@ impl<'a> Lab<'a> {
             runs: HashMap::new(),
             started: 0,
         }
+    }
+
+    /// Where sections may put scene files of their own.
+    pub fn work(&self) -> &Path {
+        &self.work
     }
 
     /// Tells whoever waits how far it is.
@@ -195,6 +242,7 @@ impl<'a> Lab<'a> {
             write: Write::All,
             threads: None,
             seed: 0,
+            shadows: Shadows::Chosen,
         })
     }
 

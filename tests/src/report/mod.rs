@@ -7,6 +7,7 @@ pub mod cases;
 pub mod chart;
 #[cfg(test)]
 mod fake;
+pub mod job;
 pub mod lab;
 pub mod machine;
 pub mod page;
@@ -120,6 +121,7 @@ fn measure(
         work.path().to_owned(),
         &places.checkout,
     );
+    lab.shadow_cases = cases::with_shadows(places, work.path(), args.quick).map_err(in_folder)?;
     let wanted = |s: &&Section| args.only.is_empty() || args.only.iter().any(|name| name == s.name);
     let chosen: Vec<&Section> = sections::ALL.iter().filter(wanted).collect();
     let end = Instant::now() + if args.quick { QUICK_TIME } else { FULL_TIME };

@@ -1,6 +1,5 @@
 //! Running the real `renderer` binary by its stable command line (DESIGN section 7).
 
-use std::ffi::OsString;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -11,116 +10,10 @@ use std::time::{Duration, Instant};
 
 use thiserror::Error;
 
+pub use super::job::{Job, Method, Shadows, Write};
 use super::lab::WARM_UP;
 use super::stats::{self, FrameStats, StatsError};
 use crate::picture::{Picture, PictureError};
-
-/// How the renderer makes its picture.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Method {
-    /// The default: sparse samples and edges.
-    EdgeAndPoint,
-    /// The same without the complex filter.
-    NoComplex,
-    /// The same samples without edges: the Render Cache.
-    PointsOnly,
-    /// Every pixel shaded once, no reconstruction.
-    Full,
-    /// This many jittered samples a pixel, box-filtered.
-    Reference(u32),
-}
-
-impl Method {
-    /// Its name on the command line.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::EdgeAndPoint => "edge-and-point",
-            Self::NoComplex => "no-complex",
-            Self::PointsOnly => "points-only",
-            Self::Full => "full",
-            Self::Reference(_) => "reference",
-        }
-    }
-}
-
-/// Which frames become files.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Write {
-    /// Every frame.
-    All,
-    /// The last one.
-    Last,
-    /// None.
-    None,
-    /// Every n-th.
-    Every(u32),
-}
-
-/// One run of `renderer render`, always in lockstep.
-#[derive(Debug, Clone, PartialEq, Eq, Hash)]
-pub struct Job {
-    /// A scene file or a built-in name.
-    pub scene: PathBuf,
-    /// How the picture is made.
-    pub method: Method,
-    /// Width and height, pixels.
-    pub size_px: [u32; 2],
-    /// Number of frames.
-    pub frames: u32,
-    /// A path of the scene; a still camera without.
-    pub path: Option<String>,
-    /// Frames a second of the path's time.
-    pub fps: u32,
-    /// Sample budget a frame, for the methods that have one.
-    pub samples_per_frame: u32,
-    /// Which frames are written, as PNG and EXR.
-    pub write: Write,
-    /// The display's own threads; its default (one) without.
-    pub threads: Option<u32>,
-    /// Seed of all random choices.
-    pub seed: u32,
-}
-
-impl Job {
-    /// Arguments after the program's name.
-    pub fn args(&self, out: &Path, stats: &Path) -> Vec<OsString> {
-        let [width, height] = self.size_px;
-        let mut args: Vec<OsString> = vec!["render".into(), self.scene.clone().into()];
-        let mut option = |name: &str, value: OsString| args.extend([name.into(), value]);
-        option("--out", out.into());
-        option("--frames", self.frames.to_string().into());
-        option("--size", format!("{width}x{height}").into());
-        option(
-            "--samples-per-frame",
-            self.samples_per_frame.to_string().into(),
-        );
-        option("--stats", stats.into());
-        option("--seed", self.seed.to_string().into());
-        option("--method", self.method.name().into());
-        if let Method::Reference(spp) = self.method {
-            option("--spp", spp.to_string().into());
-        }
-        if let Some(path) = &self.path {
-            option("--path", path.into());
-            option("--fps", self.fps.to_string().into());
-        }
-        if let Some(threads) = self.threads {
-            option("--threads", threads.to_string().into());
-        }
-        let write = match self.write {
-            Write::All => "all".to_owned(),
-            Write::Last => "last".to_owned(),
-            Write::None => "none".to_owned(),
-            Write::Every(n) => format!("every:{n}"),
-        };
-        option("--write", write.into());
-        args.push("--lockstep".into());
-        if self.write != Write::None {
-            args.push("--exr".into());
-        }
-        args
-    }
-}
 
 /// What a run left behind.
 #[derive(Debug, Clone)]
@@ -317,32 +210,9 @@ mod tests {
 
     fn job() -> Job {
         Job {
-            scene: "scenes/chains.toml".into(),
-            method: Method::Reference(16),
-            size_px: [320, 200],
-            frames: 3,
-            path: Some("orbit".to_owned()),
-            fps: 30,
-            samples_per_frame: 1280,
             write: Write::Every(2),
-            threads: Some(1),
-            seed: 7,
+            ..super::super::job::example()
         }
-    }
-
-    #[test]
-    fn the_command_line_is_the_contract_s() {
-        let args = job().args(Path::new("o"), Path::new("s"));
-        let text = args
-            .iter()
-            .map(|a| a.to_string_lossy())
-            .collect::<Vec<_>>()
-            .join(" ");
-        assert_eq!(
-            text,
-            "render scenes/chains.toml --out o --frames 3 --size 320x200 --samples-per-frame 1280 --stats s --seed 7 \
-             --method reference --spp 16 --path orbit --fps 30 --threads 1 --write every:2 --lockstep --exr"
-        );
     }
 
     #[cfg(unix)]

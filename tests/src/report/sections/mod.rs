@@ -3,8 +3,11 @@
 mod counts;
 mod machine;
 mod motion;
+mod moves;
+mod paper;
 mod pictures;
 mod rivals;
+mod shadows;
 mod stages;
 mod still;
 
@@ -24,18 +27,21 @@ pub struct Section {
 }
 
 /// All sections in the order of the page.
-pub const ALL: [Section; 7] = [
+pub const ALL: [Section; 10] = [
     machine::SECTION,
     still::SECTION,
     pictures::SECTION,
     motion::SECTION,
+    shadows::SECTION,
+    moves::SECTION,
     stages::SECTION,
     counts::SECTION,
+    paper::SECTION,
     rivals::SECTION,
 ];
 
 /// The names that `--only` takes.
-pub fn names() -> [&'static str; 7] {
+pub fn names() -> [&'static str; 10] {
     ALL.map(|section| section.name)
 }
 

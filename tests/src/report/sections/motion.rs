@@ -10,7 +10,7 @@ use crate::report::cases::Case;
 use crate::report::chart::{Chart, Series};
 use crate::report::lab::{MeasureError, budget, or_missing};
 use crate::report::page::Block;
-use crate::report::runner::{Job, Method, Run, Write};
+use crate::report::runner::{Job, Method, Run, Shadows, Write};
 use crate::report::stats::median;
 use crate::report::table::Table;
 
@@ -85,6 +85,7 @@ fn job(lab: &Lab, case: &Case, method: Method, share: u32) -> Job {
         },
         threads: None,
         seed: 0,
+        shadows: Shadows::Chosen,
     }
 }
 

@@ -6,7 +6,7 @@ use super::{Lab, Section};
 use crate::report::cases::Case;
 use crate::report::lab::{WARM_UP, budget, or_missing};
 use crate::report::page::Block;
-use crate::report::runner::{Job, Method, Run, RunError, Write};
+use crate::report::runner::{Job, Method, Run, RunError, Shadows, Write};
 use crate::report::stats::{FrameStats, STAGES, median, percentile};
 use crate::report::table::Table;
 
@@ -41,6 +41,7 @@ pub(super) fn timed_runs(lab: &mut Lab, case: &Case, threads: u32, sizes: usize)
             write: Write::None,
             threads: Some(threads),
             seed: 0,
+            shadows: Shadows::Chosen,
         };
         (*size_px, lab.run(&job, &[]))
     };
