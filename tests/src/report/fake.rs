@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 use std::time::Instant;
 
-use super::runner::{Job, Method, Render, Run, RunError, Write};
+use super::runner::{Job, Method, Render, Run, RunError, Shadows, Write};
 use super::stats;
 
 /// Remembers the jobs it was given; fails those of method `fails`.
@@ -66,6 +66,11 @@ fn disc(job: &Job, frame: u32) -> image::Rgb32FImage {
         Method::Full => 0.05,
         Method::Reference(spp) => 0.01 / spp as f32,
     } / (frame + 1) as f32;
+    let error = match job.shadows {
+        Shadows::Off => 1.5 * error,
+        Shadows::All => 2.0 * error,
+        Shadows::Chosen | Shadows::Narrower(_) => error,
+    };
     image::ImageBuffer::from_fn(width, height, |x, y| {
         let (dx, dy) = (
             x as f32 - width as f32 / 2.0,

@@ -57,6 +57,8 @@ pub struct ShadowSettings {
     pub widths: &'static [u32],
     /// Frames for which one state of a scene is held before or after a step; it is held for two, then three of these.
     pub move_frames: u32,
+    /// Samples a pixel of references before and after a step.
+    pub move_reference_spp: u32,
     /// How many of the steps are measured.
     pub moves: usize,
 }
@@ -77,12 +79,13 @@ impl Settings {
             timed_on_all_cores: 1,
             shadows: ShadowSettings {
                 size_px: [128, 128],
-                reference_spp: 32,
+                reference_spp: 16,
                 checkpoints: &[5, 10],
                 threshold_checkpoints: &[10],
                 widths: &[50, 150, 400],
                 move_frames: 6,
-                moves: 2,
+                move_reference_spp: 8,
+                moves: 1,
             },
         }
     }
@@ -102,11 +105,12 @@ impl Settings {
             timed_on_all_cores: 2,
             shadows: ShadowSettings {
                 size_px: [256, 256],
-                reference_spp: 256,
+                reference_spp: 64,
                 checkpoints: &[5, 10, 25, 50, 100],
                 threshold_checkpoints: &[5, 10, 25],
                 widths: &[50, 100, 150, 200, 300, 400, 600],
                 move_frames: 20,
+                move_reference_spp: 24,
                 moves: usize::MAX,
             },
         }

@@ -35,7 +35,7 @@ use sections::Section;
 const QUICK_TIME: Duration = Duration::from_secs(100);
 /// Time that the whole report gives to all runs. A quiet machine of two cores needs three quarters of it; each section has
 /// its share, and passes on what it leaves.
-const FULL_TIME: Duration = Duration::from_secs(1200);
+const FULL_TIME: Duration = Duration::from_secs(1800);
 
 /// Measures speed and error on this machine; writes report.html and CSV files.
 #[derive(Debug, Parser)]
@@ -195,6 +195,10 @@ mod tests {
         let settings = Settings {
             size_px: [64, 64],
             path_size_px: [64, 64],
+            shadows: lab::ShadowSettings {
+                size_px: [64, 64],
+                ..Settings::quick().shadows
+            },
             ..Settings::quick()
         };
         let places = Places {
@@ -230,6 +234,13 @@ mod tests {
             "stages-rooms-one-core",
             "counts",
             "rivals",
+            "shadows",
+            "shadows-chains-points",
+            "shadow-width-10",
+            "step-link",
+            "step-link-time",
+            "paper-times",
+            "paper-counts",
         ] {
             assert!(
                 folder.path().join(format!("out/{file}.csv")).is_file(),
@@ -246,6 +257,22 @@ mod tests {
         );
         let counts = fs::read_to_string(folder.path().join("out/counts.csv")).unwrap();
         assert!(counts.contains("321"), "{counts}");
+    }
+
+    #[test]
+    fn shadow_edges_and_steps_are_judged_against_none() {
+        let (folder, ..) = report(&Fake::default(), &["shadows", "moves"]);
+        let read = |name: &str| fs::read_to_string(folder.path().join("out").join(name)).unwrap();
+        let csv = read("shadows-torus.csv");
+        let change = |mode: &str| -> f64 {
+            let start = format!("{mode},10,");
+            let line = csv.lines().find(|l| l.starts_with(&start)).unwrap();
+            line.split(',').nth(3).unwrap().parse().unwrap()
+        };
+        assert_eq!(change("off"), 0.0);
+        assert!(change("all") > 10.0 && change("chosen") < -10.0, "{csv}");
+        let csv = read("step-link.csv");
+        assert!(csv.lines().any(|l| l.starts_with("points-only,")), "{csv}");
     }
 
     #[test]

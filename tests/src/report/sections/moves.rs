@@ -115,7 +115,7 @@ fn measure(lab: &mut Lab) -> Vec<Block> {
          for the teleport chance. Flicker is the mean change from frame to frame that the reference does not have.",
         HELD[0] * settings.move_frames as usize,
         HELD[1] * settings.move_frames as usize,
-        settings.reference_spp,
+        settings.move_reference_spp,
     ))];
     let steps = &STEPS[..settings.moves.min(STEPS.len())];
     for (i, step) in steps.iter().enumerate() {
@@ -178,7 +178,7 @@ fn job(lab: &Lab, step: &Step, method: Method, shadows: Shadows) -> Result<Job, 
 }
 
 fn truth(lab: &mut Lab, step: &Step) -> Result<Truth, MeasureError> {
-    let method = Method::Reference(lab.settings.shadows.reference_spp);
+    let method = Method::Reference(lab.settings.shadows.move_reference_spp);
     let job = job(lab, step, method, Shadows::Chosen)?;
     let run = lab.run(&job, &[0, 1])?;
     let (old, new) = (run.picture(0)?, run.picture(1)?);
