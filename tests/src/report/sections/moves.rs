@@ -16,7 +16,7 @@ use crate::report::table::Table;
 pub(super) const SECTION: Section = Section {
     name: "moves",
     title: "After a step: moved objects, a teleport, a light switched",
-    share: 25,
+    share: 10,
     measure,
 };
 

@@ -14,7 +14,7 @@ use crate::report::table::Table;
 pub(super) const SECTION: Section = Section {
     name: "paper",
     title: "Beside the tables of the 2003 paper",
-    share: 10,
+    share: 5,
     measure,
 };
 

@@ -16,7 +16,7 @@ use crate::report::table::Table;
 pub(super) const SECTION: Section = Section {
     name: "shadows",
     title: "Shadow edges must pay",
-    share: 55,
+    share: 30,
     measure,
 };
 
