@@ -118,7 +118,7 @@ impl Switch {
 }
 
 /// Default of [`Choices::shadow_width`].
-const NARROW: f32 = 1.5;
+const NARROW: f32 = 1.0;
 
 /// The choices.
 #[derive(Args, Clone, Copy, Debug, PartialEq, Serialize)]

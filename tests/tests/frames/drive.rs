@@ -123,7 +123,10 @@ impl Run {
 
     /// Moves something before the samples of the next frame are chosen.
     pub(crate) fn edit(&mut self, edit: &Edit) {
-        self.stage = self.stage.edited(&edit.objects, &edit.lights).unwrap();
+        self.stage = self
+            .stage
+            .edited(&edit.objects, &edit.lights)
+            .expect("a lawful edit");
         self.epoch += 1;
         self.display.edit(self.epoch, edit);
     }

@@ -112,14 +112,14 @@ fn width_px(display: &Display, row: usize) -> f64 {
         .collect();
     // The floor beside the shadow is the brightest of what lies right of the darkest.
     let darkest = (0..grid.width).min_by(|a, b| values[*a].total_cmp(&values[*b]));
-    let darkest = darkest.unwrap();
+    let darkest = darkest.expect("a dark pixel");
     assert!(values[darkest] < 1e-6, "the umbra is lit");
     let start = (darkest..grid.width).rev().find(|x| values[*x] < 1e-6);
-    let start = start.unwrap();
+    let start = start.expect("a start");
     let lit = values[start..].iter().fold(0.0f64, |a, b| a.max(*b));
     let reach = |share: f64| {
         let x = (start..grid.width).find(|x| values[*x] >= share * lit);
-        let x = x.unwrap();
+        let x = x.expect("an edge");
         let (before, after) = (values[x - 1], values[x]);
         (x - 1) as f64 + (share * lit - before) / (after - before)
     };

@@ -38,7 +38,7 @@ fn picture(display: &Display) -> Picture {
     let grid = display.grid();
     let pixels = (0..grid.height).flat_map(|y| (0..grid.width).map(move |x| grid.at(x, y)));
     let rgb = pixels.map(|at| display.image().each_ref().map(|plane| plane[at]));
-    Picture::from_linear(SIZE_PX, rgb.collect()).unwrap()
+    Picture::from_linear(SIZE_PX, rgb.collect()).expect("a picture")
 }
 
 /// Mean distance of two pictures as shown.
