@@ -105,10 +105,10 @@ fn a_server_that_comes_back_is_used_again() {
     let mut link = link_to(&[&server]);
     thousand(&mut link);
     assert_eq!(link.status().faults, 2);
-    assert_eq!(
-        link.status().last_fault.as_deref(),
-        Some("the server closed the connection")
-    );
+    // Whether writing or reading meets the end first is a matter of luck.
+    let fault = link.status().last_fault.unwrap();
+    let told = ["the server closed the connection", "the connection failed"];
+    assert!(told.iter().any(|t| fault.starts_with(t)), "{fault}");
 }
 
 #[test]

@@ -177,23 +177,38 @@ impl Shadows {
         if !self.moved.is_empty() {
             self.ask_meets();
         }
-        self.ask_pairs();
-        while self.under_way > 0 {
-            let Some(answer) = self.worker.as_ref().and_then(|w| w.answer(wait)) else {
+        loop {
+            let idle = self.under_way == 0;
+            let asked = self.ask_pairs();
+            while self.under_way > 0 {
+                let Some(answer) = self.worker.as_ref().and_then(|w| w.answer(wait)) else {
+                    if wait {
+                        // The thread is gone: nothing will come.
+                        self.under_way = 0;
+                    }
+                    break;
+                };
+                self.under_way -= 1;
+                self.take(answer);
+            }
+            // What others may hide comes after what is more urgent: waiting means waiting for both.
+            if !wait || (idle && !asked) {
                 break;
-            };
-            self.under_way -= 1;
-            self.take(answer);
+            }
         }
     }
 
     /// Has pairs computed: first those whose own parts have changed, and only while none has those that others may hide.
-    fn ask_pairs(&mut self) {
-        let Some(lines) = self.lines else { return };
+    /// Says whether there were any.
+    fn ask_pairs(&mut self) -> bool {
+        let Some(lines) = self.lines else {
+            return false;
+        };
         let mut wanted: Vec<(u32, u32)> = self.pairs_where(|p| p.stale);
         if wanted.is_empty() && self.under_way == 0 {
             wanted = self.pairs_where(|p| p.uncut);
         }
+        let any = !wanted.is_empty();
         for pair in wanted {
             let others = self.pairs.range(of_light(pair.0)).map(|(p, _)| p.1);
             let others = others.filter(|o| *o != pair.1).collect();
@@ -214,6 +229,7 @@ impl Shadows {
                 self.under_way += 1;
             }
         }
+        any
     }
 
     fn pairs_where(&self, is: impl Fn(&Pair) -> bool) -> Vec<(u32, u32)> {
