@@ -1,7 +1,7 @@
 //! Starved pixels near edges: colours flow from pixel to pixel along the image's rows and columns, never across an edge.
 //!
 //! A starved pixel's colour is the mean of what its own few samples say, weighted as interpolation weighted them, and of
-//! its reachable neighbours' colours, [`FLOW`] each: a membrane that is pinned where there are samples. It is found by
+//! its reachable neighbours' colours, a small weight each: a membrane that is pinned where there are samples. It is found by
 //! relaxation, sweeping down and up the image, so that a colour crosses the picture in one sweep.
 
 use fearless_simd::{Level, dispatch, prelude::*};
@@ -228,5 +228,82 @@ impl Diffusion {
             self.known[i + word] = was | (starved[i + word] & (sides | above | below));
             carry = was >> 63;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Colour 1 left of a wall and 0 right of it, known in every ninth column of a few rows only.
+    fn filled(level: Level, wall: usize) -> Interpolated {
+        let grid = Grid::new(90, 40);
+        let mut out = Interpolated::new(grid);
+        let valid = |i: usize| grid.valid(i % grid.words);
+        let all: Vec<u64> = (0..grid.plane_words()).map(valid).collect();
+        let mut starved = all.clone();
+        for (x, y) in (4..90).step_by(9).flat_map(|x| [(x, 5), (x, 15), (x, 35)]) {
+            let (word, bit) = grid.bit(x, y);
+            starved[word] &= !(1 << bit);
+            out.weight[grid.at(x, y)] = 1.0;
+            for plane in &mut out.rgb {
+                plane[grid.at(x, y)] = if x < wall { 1.0 } else { 0.0 };
+            }
+        }
+        out.bare.copy_from_slice(&starved);
+        let mut right = all.clone();
+        for y in 0..grid.height {
+            let (word, bit) = grid.bit(wall - 1, y);
+            right[word] &= !(1 << bit);
+        }
+        let none = vec![0; grid.plane_words()];
+        let near = Neighbours {
+            right: &right,
+            down: &all,
+            simple: &none,
+            complex: &none,
+            has: &none,
+        };
+        Diffusion::new(grid).fill(level, near, &starved, &mut out);
+        out
+    }
+
+    #[test]
+    fn colours_flow_everywhere_but_through_a_wall() {
+        let grid = Grid::new(90, 40);
+        for wall in [64, 70] {
+            let out = filled(Level::new(), wall);
+            for y in 0..40 {
+                for x in 0..90 {
+                    let wanted = if x < wall { 1.0 } else { 0.0 };
+                    let got = out.rgb[0][grid.at(x, y)];
+                    assert!((got - wanted).abs() < 1e-5, "{x} {y} {got}");
+                }
+            }
+            assert!(out.bare.iter().all(|&w| w == 0));
+            assert_eq!(out.rgb, filled(Level::baseline(), wall).rgb);
+        }
+    }
+
+    #[test]
+    fn a_pixels_own_samples_outweigh_what_flows_in() {
+        let grid = Grid::new(3, 1);
+        let mut out = Interpolated::new(grid);
+        for (x, colour) in [0.0, 1.0, 0.0].into_iter().enumerate() {
+            out.rgb[0][grid.at(x, 0)] = colour;
+            out.weight[grid.at(x, 0)] = 1.0;
+        }
+        let (right, none) = (vec![0b011], vec![0]);
+        let near = Neighbours {
+            right: &right,
+            down: &none,
+            simple: &none,
+            complex: &none,
+            has: &none,
+        };
+        Diffusion::new(grid).fill(Level::new(), near, &[0b010], &mut out);
+        let wanted = 1.0 / (1.0 + 2.0 * FLOW);
+        assert!((out.rgb[0][grid.at(1, 0)] - wanted).abs() < 1e-6);
+        assert_eq!(out.rgb[0][grid.at(0, 0)], 0.0);
     }
 }

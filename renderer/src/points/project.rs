@@ -88,7 +88,7 @@ impl KeyLayout {
 
 /// Projects all points of the cache and leaves in each pixel of `pixels` the nearest of those that fall in it; of equally
 /// near ones the one in the lower slot. Places are kept to 1/256 pixel, depths to 2⁻¹⁶ of themselves or better. Points that
-/// are kept are marked as [seen](PointCache::sight), and doubtful if it is time to ask again whether they can be.
+/// are kept are marked as [seen](PointCache::is_seen), and doubtful if it is time to ask again whether they can be.
 /// Results do not depend on `level`.
 pub fn project(
     level: Level,
