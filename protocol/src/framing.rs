@@ -158,6 +158,14 @@ impl<R: AsyncRead + Unpin, M: Message> Receiver<R, M> {
         message.validate()?;
         Ok(Some(message))
     }
+
+    /// Reads what still comes and throws it away, until the peer closes the connection or it fails. A socket that is
+    /// closed with bytes unread resets the connection, and the peer may lose the last message that it was sent: read
+    /// on after a [`Sender::close`] that followed a fault.
+    pub async fn discard(&mut self) {
+        // How it ends makes no difference: nothing more is expected of it.
+        let _ = tokio::io::copy(self.frames.get_mut(), &mut tokio::io::sink()).await;
+    }
 }
 
 /// The sending half: messages of type `M` to a stream.

@@ -91,7 +91,7 @@ pub(super) async fn run(
         () = shared.closed() => Ok(End::Closing),
     };
     connection.release();
-    connection.farewell(&mut sender, &end).await;
+    connection.farewell(sender, &mut receiver, &end).await;
     end
 }
 
@@ -365,11 +365,16 @@ impl Connection<'_> {
     /// Tells the server why the connection ends, if it can still hear it.
     async fn farewell(
         &self,
-        sender: &mut Sender<OwnedWriteHalf, ToServer>,
+        mut sender: Sender<OwnedWriteHalf, ToServer>,
+        receiver: &mut Receiver<OwnedReadHalf, ToDisplay>,
         end: &Result<End, ServerError>,
     ) {
-        let message = match end {
-            Ok(_) => ToServer::Goodbye,
+        let fault = match end {
+            Ok(_) => {
+                // Whether it arrives makes no difference to the display.
+                let _ = in_time(FAREWELL, sender.send(&ToServer::Goodbye)).await;
+                return;
+            }
             Err(ServerError::Violation(violation)) => violation.to_server(),
             Err(ServerError::Frame(error)) => match Violation::of_frame(error) {
                 Some(violation) => violation.to_server(),
@@ -377,8 +382,14 @@ impl Connection<'_> {
             },
             Err(_) => return,
         };
-        // Whether it arrives makes no difference to the display.
-        let _ = in_time(FAREWELL, sender.send(&message)).await;
+        let told = async {
+            if sender.send(&fault).await.is_ok() && sender.close().await.is_ok() {
+                drop(sender);
+                receiver.discard().await;
+            }
+        };
+        // A server that goes on sending is not waited for.
+        let _ = tokio::time::timeout(FAREWELL, told).await;
     }
 }
 

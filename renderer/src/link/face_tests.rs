@@ -87,10 +87,13 @@ fn what_a_lost_server_held_goes_to_the_others() {
         let status = link.status();
         assert_eq!((status.outstanding, status.queued), (0, 0), "{fate:?}");
         drop(link);
-        let told = bad.log().into_iter().find_map(|message| match message {
-            ToServer::Fault { code, .. } => Some(code),
-            _ => None,
-        });
+        let told = bad
+            .log_of_all()
+            .into_iter()
+            .find_map(|message| match message {
+                ToServer::Fault { code, .. } => Some(code),
+                _ => None,
+            });
         match fate {
             Fate::Nan => assert_eq!(told, Some(FaultCode::Value)),
             Fate::Twice => assert_eq!(told, Some(FaultCode::OutOfOrder)),

@@ -104,11 +104,20 @@ pub(super) const HONEST: Behaviour = Behaviour {
     edits: true,
 };
 
+/// How a server is to end.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Stop {
+    /// At once.
+    Now,
+    /// When every display has closed its connection.
+    WhenLeft,
+}
+
 /// A server on a loopback port of its own; ends when dropped.
 pub(super) struct FakeServer {
     pub(super) address: String,
     log: Arc<Mutex<Vec<ToServer>>>,
-    stop: Option<oneshot::Sender<()>>,
+    stop: Option<oneshot::Sender<Stop>>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -127,15 +136,19 @@ impl FakeServer {
                 let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
                 say.send(listener.local_addr().unwrap().to_string())
                     .unwrap();
+                let mut open = tokio::task::JoinSet::new();
                 let accept = async {
                     loop {
                         let (stream, _) = listener.accept().await.unwrap();
-                        tokio::spawn(serve(stream, behaviour, Arc::clone(&for_thread)));
+                        open.spawn(serve(stream, behaviour, Arc::clone(&for_thread)));
                     }
                 };
-                tokio::select! {
-                    () = accept => {}
-                    _ = stopped => {}
+                let stop = tokio::select! {
+                    stop = stopped => stop,
+                    () = accept => unreachable!("a server accepts for good"),
+                };
+                if stop == Ok(Stop::WhenLeft) {
+                    open.join_all().await;
                 }
             });
         });
@@ -156,6 +169,17 @@ impl FakeServer {
         self.log.lock().unwrap().clone()
     }
 
+    /// Everything received until the displays closed their connections, which they must.
+    pub(super) fn log_of_all(mut self) -> Vec<ToServer> {
+        self.end(Stop::WhenLeft);
+        self.log()
+    }
+
+    fn end(&mut self, stop: Stop) {
+        self.stop.take().map(|tell| tell.send(stop));
+        self.thread.take().map(JoinHandle::join);
+    }
+
     /// Requests received so far.
     pub(super) fn asked(&self) -> usize {
         let count = |message: &ToServer| match message {
@@ -168,8 +192,7 @@ impl FakeServer {
 
 impl Drop for FakeServer {
     fn drop(&mut self) {
-        self.stop.take().map(|stop| stop.send(()));
-        self.thread.take().map(JoinHandle::join);
+        self.end(Stop::Now);
     }
 }
 

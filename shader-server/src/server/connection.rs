@@ -67,7 +67,7 @@ pub(super) async fn serve(shared: &Arc<Shared>, stream: TcpStream, address: Sock
         shared.config.max_scene_bytes,
     );
     let desk = Desk::new(Arc::clone(shared), rules);
-    let (incoming, outgoing) = server_side(stream);
+    let (mut incoming, outgoing) = server_side(stream);
     let connection = Connection {
         shared: Arc::clone(shared),
         desk: Arc::clone(&desk),
@@ -80,7 +80,7 @@ pub(super) async fn serve(shared: &Arc<Shared>, stream: TcpStream, address: Sock
     let writing = write(Arc::clone(&desk), outgoing);
     tokio::pin!(writing);
     let end = tokio::select! {
-        end = connection.read(incoming) => end,
+        end = connection.read(&mut incoming) => end,
         () = &mut writing => return,
     };
     match end {
@@ -91,7 +91,11 @@ pub(super) async fn serve(shared: &Arc<Shared>, stream: TcpStream, address: Sock
         }
     }
     // A display that does not read its last messages loses them.
-    let _ = timeout(FAREWELL, writing).await;
+    let _ = timeout(FAREWELL, async {
+        writing.await;
+        incoming.discard().await;
+    })
+    .await;
 }
 
 struct Closer(Arc<Desk>);
@@ -128,7 +132,7 @@ async fn write(desk: Arc<Desk>, mut outgoing: Outgoing) {
 }
 
 impl Connection {
-    async fn read(&self, mut incoming: Incoming) -> End {
+    async fn read(&self, incoming: &mut Incoming) -> End {
         let Ok(first) = timeout(GREETING, incoming.receive()).await else {
             let text = format!("no Hello within {} s", GREETING.as_secs());
             return Violation::new(FaultCode::OutOfOrder, text).into();
