@@ -91,20 +91,10 @@ impl Display {
 
     fn request_chosen(&mut self, budget: usize, wanted: &mut Wanted) {
         self.plans += 1;
-        let priority = &self.priorities.priority;
-        self.chooser.choose(
-            self.grid,
-            priority,
-            budget,
-            self.seed ^ self.plans,
-            &mut self.chosen,
-        );
-        // Most wanted first; equals in scan order.
-        let grid = self.grid;
-        self.chosen.sort_unstable_by(|a, b| {
-            let of = |p: &(u16, u16)| priority[grid.at(p.0.into(), p.1.into())];
-            of(b).total_cmp(&of(a)).then((a.1, a.0).cmp(&(b.1, b.0)))
-        });
+        let image = (self.grid, &self.priorities.priority[..]);
+        let key = self.seed ^ self.plans;
+        self.chooser
+            .choose(self.level, image, budget, key, &mut self.chosen);
         for &(x, y) in &self.chosen {
             self.last_id += 1;
             let offset = self.place_of(usize::from(x), usize::from(y));
