@@ -40,25 +40,40 @@ pub struct Inputs<'a, R> {
     pub complex: &'a [u64],
 }
 
-/// Priorities and the planes that they are made through, by [`Grid`].
+/// Priorities and the rows that they are made through.
 #[derive(Clone, Debug)]
 pub struct Priorities {
-    /// What each pixel wants; 0 to infinity, finite.
+    /// What each pixel wants, by [`Grid`]; 0 to infinity, finite.
     pub priority: Vec<f32>,
-    encoded: [Vec<f32>; 3],
+    rows: Rows,
+}
+
+/// Room beside each row, so that loads a pixel or two away stay inside.
+const MARGIN: usize = 64;
+
+/// The few rows that are in work, so that they stay in the nearest memory.
+#[derive(Clone, Debug)]
+struct Rows {
+    /// Red, green and blue of the rows above, here and below, row y in place y % 3.
+    encoded: [Vec<f32>; 9],
+    /// Contrast in one row; 0 in the margins.
     contrast: Vec<f32>,
-    blurred: Vec<f32>,
+    /// Contrast summed over five pixels of a row, row y in place y % 5; 0 outside the image.
+    sums: [Vec<f32>; 5],
 }
 
 impl Priorities {
     /// Room for an image of this layout.
     pub fn new(grid: Grid) -> Self {
-        let plane = || vec![0.0; grid.elements()];
+        let pitch = grid.stride + 2 * MARGIN;
+        let rows = Rows {
+            encoded: std::array::from_fn(|_| vec![0.0; pitch]),
+            contrast: vec![0.0; pitch],
+            sums: std::array::from_fn(|_| vec![0.0; grid.stride]),
+        };
         Self {
-            priority: plane(),
-            encoded: [plane(), plane(), plane()],
-            contrast: plane(),
-            blurred: plane(),
+            priority: vec![0.0; grid.elements()],
+            rows,
         }
     }
 
@@ -71,45 +86,67 @@ impl Priorities {
                 }
             }
             Rule::Contrast => {
-                let grid = inputs.grid;
-                for (encoded, rgb) in self.encoded.iter_mut().zip(inputs.rgb) {
-                    for y in 0..grid.height {
-                        let row = grid.at(0, y)..grid.at(grid.width, y);
-                        dispatch!(level, simd => encode_row(simd, &rgb[row.clone()], &mut encoded[row]));
-                    }
-                }
-                for y in 0..grid.height {
-                    for word in 0..grid.words {
-                        dispatch!(level, simd => contrast_word(simd, &self.encoded, inputs, (word, y), &mut self.contrast));
-                    }
-                }
-                dispatch!(level, simd => blur(simd, grid, &self.contrast, &mut self.blurred, &mut self.priority, inputs.weight));
+                let Self { priority, rows } = self;
+                dispatch!(level, simd => from_contrast(simd, inputs, rows, priority));
             }
         }
     }
+}
 
-    /// Contrast before blurring, for looking at.
-    pub fn contrast(&self) -> &[f32] {
-        &self.contrast
+/// Row by row: encoded one ahead of the contrast, which is blurred two behind.
+#[simd]
+fn from_contrast<S: Simd, R: Reach>(
+    simd: S,
+    inputs: &Inputs<'_, R>,
+    rows: &mut Rows,
+    priority: &mut [f32],
+) {
+    let grid = inputs.grid;
+    rows.sums.iter_mut().for_each(|row| row.fill(0.0));
+    encode_row(simd, inputs.rgb, grid, 0, rows);
+    for y in 0..grid.height + 2 {
+        if y + 1 < grid.height {
+            encode_row(simd, inputs.rgb, grid, y + 1, rows);
+        }
+        if y < grid.height {
+            for word in 0..grid.words {
+                contrast_word(simd, inputs, (word, y), rows);
+            }
+            sum_row(simd, &rows.contrast, &mut rows.sums[y % 5]);
+        } else {
+            rows.sums[y % 5].fill(0.0);
+        }
+        if y >= 2 {
+            let row = grid.at(0, y - 2)..grid.at(0, y - 1);
+            let weight = &inputs.weight[row.clone()];
+            finish_row(simd, &rows.sums, weight, &mut priority[row]);
+        }
     }
 }
 
 /// Linear to about what a display shows: the square root, clamped.
-#[simd]
-fn encode_row<S: Simd>(_simd: S, from: &[f32], to: &mut [f32]) {
-    for (e, &c) in to.iter_mut().zip(from) {
-        *e = c.clamp(0.0, 1.0).sqrt();
+#[inline(always)]
+fn encode_row<S: Simd>(simd: S, rgb: &[Vec<f32>; 3], grid: Grid, y: usize, rows: &mut Rows) {
+    let lanes = S::f32s::LEN;
+    let (zero, one) = (S::f32s::splat(simd, 0.0), S::f32s::splat(simd, 1.0));
+    for (c, plane) in rgb.iter().enumerate() {
+        let from = &plane[grid.at(0, y)..][..grid.stride];
+        let to = &mut rows.encoded[3 * (y % 3) + c][MARGIN..][..grid.stride];
+        for x in (0..grid.stride).step_by(lanes) {
+            let v = S::f32s::from_slice(simd, &from[x..x + lanes]);
+            let clamped = v.max(zero).min(one).sqrt();
+            clamped.store_slice(&mut to[x..x + lanes]);
+        }
     }
 }
 
 /// Greatest difference of any channel to the 8 neighbours that no edge separates; complex pixels count all of them.
-#[simd]
+#[inline(always)]
 fn contrast_word<S: Simd, R: Reach>(
     simd: S,
-    encoded: &[Vec<f32>; 3],
     inputs: &Inputs<'_, R>,
     (word, y): (usize, usize),
-    out: &mut [f32],
+    rows: &mut Rows,
 ) {
     let grid = inputs.grid;
     let open = inputs.complex[y * grid.words + word];
@@ -131,62 +168,66 @@ fn contrast_word<S: Simd, R: Reach>(
         *mask = (inputs.reach.reachable(offset, word, y) | open) & inside(offset);
     }
     let lanes = S::f32s::LEN;
-    let first = grid.at(word * 64, y);
+    let first = MARGIN + word * 64;
     let zero = S::f32s::splat(simd, 0.0);
+    // The rows above, here and below.
+    let [above, level, below] = [y + 2, y, y + 1].map(|y| 3 * (y % 3));
+    let three = [above, level, below].map(|place| &rows.encoded[place..place + 3]);
+    let contrast = &mut rows.contrast[first..first + 64];
     for group in (0..64).step_by(lanes) {
-        let at = first + group;
-        let load = |c: usize, i: usize| S::f32s::from_slice(simd, &encoded[c][i..i + lanes]);
-        let here: [S::f32s; 3] = std::array::from_fn(|c| load(c, at));
+        let here: [S::f32s; 3] = std::array::from_fn(|c| {
+            let at = first + group;
+            S::f32s::from_slice(simd, &three[1][c][at..at + lanes])
+        });
         let mut most = zero;
         for (mask, &(dx, dy)) in masks.iter().zip(&OFFSETS).skip(1) {
             let bits = mask >> group & ((1u64 << lanes) - 1);
             if bits == 0 {
                 continue;
             }
-            let from = (at as isize + dy as isize * grid.stride as isize + dx as isize) as usize;
-            let mut step = (here[0] - load(0, from)).abs();
-            for (c, &here) in here.iter().enumerate().skip(1) {
-                step = step.max((here - load(c, from)).abs());
+            let at = (first + group).wrapping_add_signed(dx as isize);
+            let there = three[(dy + 1) as usize];
+            let mut step = zero;
+            for c in 0..3 {
+                let value = S::f32s::from_slice(simd, &there[c][at..at + lanes]);
+                step = step.max((here[c] - value).abs());
             }
             let counted = S::mask32s::from_bitmask(simd, bits);
             most = most.max(counted.select(step, zero));
         }
-        most.store_slice(&mut out[at..at + lanes]);
+        most.store_slice(&mut contrast[group..group + lanes]);
     }
 }
 
-/// Mean over 5x5 (fewer at the border count as zeros), then contrast over weight.
-#[simd]
-fn blur<S: Simd>(
-    _simd: S,
-    grid: Grid,
-    contrast: &[f32],
-    rows: &mut [f32],
-    priority: &mut [f32],
-    weight: &[f32],
-) {
-    for y in 0..grid.height {
-        let start = grid.at(0, y);
-        let from = &contrast[start - 2..start + grid.stride + 2];
-        let sums = &mut rows[start..start + grid.stride];
-        for (k, sum) in sums.iter_mut().enumerate() {
-            *sum = from[k] + from[k + 1] + from[k + 2] + from[k + 3] + from[k + 4];
+/// Sums over five pixels, of a row with margins.
+#[inline(always)]
+fn sum_row<S: Simd>(simd: S, contrast: &[f32], sums: &mut [f32]) {
+    let lanes = S::f32s::LEN;
+    for x in (0..sums.len()).step_by(lanes) {
+        let from = &contrast[MARGIN + x - 2..][..lanes + 4];
+        let mut sum = S::f32s::from_slice(simd, &from[..lanes]);
+        for k in 1..5 {
+            sum += S::f32s::from_slice(simd, &from[k..k + lanes]);
         }
+        sum.store_slice(&mut sums[x..x + lanes]);
     }
-    for y in 0..grid.height {
-        let start = grid.at(0, y);
-        let row = |dy: isize| {
-            let at = (start as isize + dy * grid.stride as isize) as usize;
-            &rows[at..at + grid.stride]
-        };
-        let five = [row(-2), row(-1), row(0), row(1), row(2)];
-        let out = &mut priority[start..start + grid.stride];
-        let weight = &weight[start..start + grid.stride];
-        for (k, p) in out.iter_mut().enumerate() {
-            let mean =
-                (five[0][k] + five[1][k] + five[2][k] + five[3][k] + five[4][k]) * (1.0 / 25.0);
-            *p = (mean + LEAST_CONTRAST) / (weight[k] + WEIGHT_FLOOR);
+}
+
+/// Mean contrast over 5x5 (pixels outside the image count as zeros) over weight.
+#[inline(always)]
+fn finish_row<S: Simd>(simd: S, sums: &[Vec<f32>; 5], weight: &[f32], priority: &mut [f32]) {
+    let lanes = S::f32s::LEN;
+    let share = S::f32s::splat(simd, 1.0 / 25.0);
+    let least = S::f32s::splat(simd, LEAST_CONTRAST);
+    let floor = S::f32s::splat(simd, WEIGHT_FLOOR);
+    for x in (0..priority.len()).step_by(lanes) {
+        let mut sum = S::f32s::from_slice(simd, &sums[0][x..x + lanes]);
+        for row in &sums[1..] {
+            sum += S::f32s::from_slice(simd, &row[x..x + lanes]);
         }
+        let weight = S::f32s::from_slice(simd, &weight[x..x + lanes]);
+        let wanted = (sum * share + least) / (weight + floor);
+        wanted.store_slice(&mut priority[x..x + lanes]);
     }
 }
 
@@ -231,8 +272,18 @@ mod tests {
         for level in [Level::new(), Level::baseline()] {
             let mut p = Priorities::new(grid);
             p.compute(level, Rule::Contrast, &inputs);
-            let contrast: Vec<f32> = (0..9).map(|x| p.contrast()[grid.at(x, 3)]).collect();
-            assert_eq!(contrast, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.5, 0.0]);
+            // Weights are 1: the 5x5 mean of 0.5 in columns 6 and 7.
+            let mean = |columns: f32, rows: f32| 0.5 * columns * rows / 25.0 + LEAST_CONTRAST;
+            let wanted: [f32; 9] = [0.0, 0.0, 0.0, 0.0, 1.0, 2.0, 2.0, 2.0, 2.0];
+            for (x, columns) in wanted.into_iter().enumerate() {
+                for (y, rows) in [3.0, 4.0, 5.0, 5.0, 5.0, 4.0, 3.0].into_iter().enumerate() {
+                    let priority = p.priority[grid.at(x, y)] * (1.0 + WEIGHT_FLOOR);
+                    assert!(
+                        (priority - mean(columns, rows)).abs() < 1e-6,
+                        "{x} {y}: {priority}"
+                    );
+                }
+            }
             assert!(p.priority[grid.at(6, 3)] > p.priority[grid.at(1, 3)] * 50.0);
         }
     }
