@@ -16,7 +16,7 @@ use crate::epi::Epi;
 use crate::epi::grid::Grid;
 use crate::points::PixelSamples;
 use subpixels::{Subpixels, WINDOWS, at_corner, bits};
-use tables::SubTables;
+use tables::{PIXEL_OF, SubTables};
 
 /// Where the colours of sub-pixels come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
@@ -80,8 +80,10 @@ struct Seeds {
     sampled: [u64; 2],
     /// Regions that hold a corner of the primary region of a pixel with a colour to lend.
     lent: [u64; 2],
-    /// Elements of the nine pixels.
-    at: [usize; 9],
+    /// Colours of the nine pixels' samples, where there are any that count.
+    of_samples: [[f32; 3]; 9],
+    /// Colours that the nine pixels lend, where they do.
+    to_lend: [[f32; 3]; 9],
 }
 
 impl ComplexFilter {
@@ -113,13 +115,13 @@ impl ComplexFilter {
         let at = inputs.epi.grid.at(place.0, place.1);
         let estimate = colours.each_ref().map(|plane| plane[at]);
         let sub = Subpixels::load(inputs.crossings, place);
-        let seeds = self.seeds(inputs, &sub, place);
+        let seeds = self.seeds(inputs, colours, &sub, place);
         if seeds.sampled == [0; 2] && seeds.lent == [0; 2] {
             outcome.kept += 4;
             return estimate;
         }
         let mut sum = [0.0f32; 3];
-        for window in &WINDOWS {
+        for (index, window) in WINDOWS.iter().enumerate() {
             let inner_area = self.tables.inner_area(&sub, window.centre);
             for (region, area) in [1.0 - inner_area, inner_area].into_iter().enumerate() {
                 if area == 0.0 {
@@ -127,7 +129,7 @@ impl ComplexFilter {
                 }
                 let colour = if sub.is_open(window.centre) {
                     let reached = sub.reach(window, region);
-                    self.interpolate(inputs, colours, &seeds, window.centre, reached)
+                    self.interpolate(&seeds, index, reached)
                 } else {
                     None
                 };
@@ -140,25 +142,34 @@ impl ComplexFilter {
         sum.map(|c| c * 0.25)
     }
 
-    fn seeds(&self, inputs: &Inputs, sub: &Subpixels, place: (usize, usize)) -> Seeds {
+    fn seeds(
+        &self,
+        inputs: &Inputs,
+        colours: &[Vec<f32>; 3],
+        sub: &Subpixels,
+        place: (usize, usize),
+    ) -> Seeds {
         let (epi, grid) = (inputs.epi, inputs.epi.grid);
         let around = |plane: &[u64]| neighbourhood(grid, plane, place);
         // Where the image ends this is an element of the margin, which is not read.
         let first = grid.at(place.0, place.1) - grid.stride - 1;
+        let at = |pixel: usize| first + pixel / 3 * grid.stride + pixel % 3;
         let mut seeds = Seeds {
             sampled: [0; 2],
             lent: [0; 2],
-            at: std::array::from_fn(|pixel| first + pixel / 3 * grid.stride + pixel % 3),
+            of_samples: [[0.0; 3]; 9],
+            to_lend: [[0.0; 3]; 9],
         };
         for pixel in bits(u64::from(around(&inputs.samples.has))) {
-            let at = seeds.at[pixel];
+            let at = at(pixel);
             let offset = [inputs.samples.x[at], inputs.samples.y[at]];
             if let Some((bit, region)) = self.tables.locate(sub, (pixel % 3, pixel / 3), offset) {
                 seeds.sampled[region] |= bit;
+                seeds.of_samples[pixel] = inputs.samples.rgb.each_ref().map(|plane| plane[at]);
             }
         }
         if inputs.sources == Sources::SamplesAndNeighbours {
-            let lends = !(around(&epi.complex) | around(inputs.bare));
+            let lends = !(around(&epi.complex) | around(inputs.bare)) & 0x1ff;
             for (corner, secondary) in epi.corner.iter().enumerate() {
                 // The sub-pixel at a corner of the pixel has that corner at the same place.
                 let subpixels = at_corner(lends & !around(secondary), corner);
@@ -166,63 +177,58 @@ impl ComplexFilter {
                 seeds.lent[0] |= outer;
                 seeds.lent[1] |= inner;
             }
+            for pixel in bits(u64::from(lends)) {
+                let at = at(pixel);
+                seeds.to_lend[pixel] = colours.each_ref().map(|plane| plane[at]);
+            }
         }
         seeds
     }
 
-    fn interpolate(
-        &self,
-        inputs: &Inputs,
-        colours: &[Vec<f32>; 3],
-        seeds: &Seeds,
-        centre: (usize, usize),
-        reached: [u64; 2],
-    ) -> Option<[f32; 3]> {
+    /// Mean of the seeds that a region of the pixel's own sub-pixel of this number reaches.
+    #[inline]
+    fn interpolate(&self, seeds: &Seeds, window: usize, reached: [u64; 2]) -> Option<[f32; 3]> {
         let mut total = 0.0;
         let mut sum = [0.0f32; 3];
+        let weights = self.tables.weights(window);
         let both = |seeds: [u64; 2]| bits(reached[0] & seeds[0] | reached[1] & seeds[1]);
-        let mut add = |bit: usize, scale: f32, planes: &[Vec<f32>; 3]| {
-            let (column, row) = (bit % 8, bit / 8);
-            let at = seeds.at[row / 2 * 3 + column / 2];
-            let weight = scale
-                * self
-                    .tables
-                    .weight(column.abs_diff(centre.0), row.abs_diff(centre.1));
+        let mut add = |bit: usize, scale: f32, colours: &[[f32; 3]; 9]| {
+            let weight = scale * weights[bit & 63];
+            let colour = &colours[usize::from(PIXEL_OF[bit & 63])];
             total += weight;
-            sum = std::array::from_fn(|k| sum[k] + weight * planes[k][at]);
+            sum = std::array::from_fn(|k| sum[k] + weight * colour[k]);
         };
-        both(seeds.sampled).for_each(|bit| add(bit, 1.0, &inputs.samples.rgb));
-        both(seeds.lent).for_each(|bit| add(bit, self.lent_weight, colours));
+        both(seeds.sampled).for_each(|bit| add(bit, 1.0, &seeds.of_samples));
+        both(seeds.lent).for_each(|bit| add(bit, self.lent_weight, &seeds.to_lend));
         (total > 0.0).then(|| sum.map(|c| c / total))
     }
 }
 
 /// Bits of the 3x3 pixels around one, row by row; 0 outside the image.
-#[inline]
+#[inline(always)]
 fn neighbourhood(grid: Grid, plane: &[u64], (x, y): (usize, usize)) -> u32 {
     let (word, bit) = (x / 64, x % 64);
+    if !(1..63).contains(&bit) || y == 0 || y + 1 >= grid.height {
+        return neighbourhood_at_seam(grid, plane, (x, y));
+    }
+    let row = |y: usize| (plane[y * grid.words + word] >> (bit - 1)) as u32 & 7;
+    row(y - 1) | row(y) << 3 | row(y + 1) << 6
+}
+
+/// The same where words or rows end.
+#[cold]
+fn neighbourhood_at_seam(grid: Grid, plane: &[u64], (x, y): (usize, usize)) -> u32 {
+    let inside = |x: usize, y: usize| x < grid.width && y < grid.height;
     let mut around = 0;
-    for row in 0..3 {
-        let Some(y) = (y + row).checked_sub(1).filter(|&y| y < grid.height) else {
-            continue;
-        };
-        let words = &plane[y * grid.words..][..grid.words];
-        let before = if bit == 0 && word > 0 {
-            words[word - 1] >> 63
-        } else {
-            0
-        };
-        let after = if bit == 63 && word + 1 < grid.words {
-            words[word + 1] << 2
-        } else {
-            0
-        };
-        let here = if bit == 0 {
-            words[word] << 1
-        } else {
-            words[word] >> (bit - 1)
-        };
-        around |= ((here | before | after) as u32 & 7) << (3 * row);
+    for pixel in 0..9 {
+        let (x, y) = (
+            (x + pixel % 3).wrapping_sub(1),
+            (y + pixel / 3).wrapping_sub(1),
+        );
+        if inside(x, y) {
+            let (word, bit) = grid.bit(x, y);
+            around |= ((plane[word] >> bit & 1) as u32) << pixel;
+        }
     }
     around
 }

@@ -1,6 +1,6 @@
 //! What is looked up by the edge code of a sub-pixel: as in a pixel, but with four segments a side.
 
-use super::subpixels::{Subpixels, sub_bit};
+use super::subpixels::{Subpixels, WINDOWS, sub_bit};
 use crate::epi::geometry::Boundary;
 
 /// Segments a side of a sub-pixel: 4, each half of them 2 units long, so that the centres of the cells are integer.
@@ -17,9 +17,22 @@ pub(super) struct SubTables {
     inner_cells: Vec<u64>,
     /// Cells that an edge with this code may cut.
     ambiguous_cells: Vec<u64>,
-    /// Weight of a source by columns and rows between sub-pixels.
-    weight: [[f32; 3]; 3],
+    /// Weight of a source by its sub-pixel's bit, for each of the pixel's own four sub-pixels.
+    weights: [[f32; 64]; 4],
 }
+
+/// Which of the nine pixels, row by row, a sub-pixel's bit belongs to.
+pub(super) const PIXEL_OF: [u8; 64] = {
+    let mut pixel_of = [0; 64];
+    let mut bit = 0;
+    while bit < 48 {
+        if bit % 8 < 6 {
+            pixel_of[bit] = (bit / 16 * 3 + bit % 8 / 2) as u8;
+        }
+        bit += 1;
+    }
+    pixel_of
+};
 
 impl Default for SubTables {
     fn default() -> Self {
@@ -27,15 +40,17 @@ impl Default for SubTables {
             inner_area: vec![0.0; 256],
             inner_cells: vec![0; 256],
             ambiguous_cells: vec![0; 256],
-            weight: [[0.0; 3]; 3],
+            weights: [[0.0; 64]; 4],
         };
         for (a, b) in (0..16).flat_map(|a| (a + 1..16).map(move |b| (a, b))) {
             if a / 4 != b / 4 {
                 tables.set_code(a, b);
             }
         }
-        for (dx, row) in tables.weight.iter_mut().enumerate() {
-            for (dy, weight) in row.iter_mut().enumerate() {
+        for (weights, window) in tables.weights.iter_mut().zip(&WINDOWS) {
+            let (column, row) = window.centre;
+            for (bit, weight) in weights.iter_mut().enumerate() {
+                let (dx, dy) = (column.abs_diff(bit % 8), row.abs_diff(bit / 8));
                 *weight = super::super::interpolate::weight((dx * dx + dy * dy) as f32);
             }
         }
@@ -62,9 +77,9 @@ impl SubTables {
         sub.code(place).map_or(0.0, |code| self.inner_area[code])
     }
 
-    /// Weight of a source this many sub-pixels away, at most 2 either way.
-    pub(super) fn weight(&self, dx: usize, dy: usize) -> f32 {
-        self.weight[dx][dy]
+    /// Weights of sources by their sub-pixels' bits, seen from the pixel's own sub-pixel of this number.
+    pub(super) fn weights(&self, window: usize) -> &[f32; 64] {
+        &self.weights[window]
     }
 
     /// Bit and region of the sub-pixel in which a sample lies, given its place in one of the nine pixels; `None` if that
