@@ -59,7 +59,7 @@ pub struct ServerArgs {
 /// Options of the window.
 #[derive(Args, Clone, Debug)]
 pub struct WindowArgs {
-    /// Scene file (.toml), mesh file (.obj, .ply), or the name of a built-in scene
+    /// Scene file (.toml), mesh file (.obj, .ply, .stl, .gltf, .glb), or the name of a built-in scene
     pub scene: Option<String>,
     /// Size of the window, pixels
     #[arg(long, default_value = "768x768", value_parser = parse_size, value_name = "WxH")]
@@ -119,7 +119,7 @@ impl WindowArgs {
 /// Options of `render`.
 #[derive(Args, Clone, Debug)]
 pub struct RenderArgs {
-    /// Scene file (.toml), mesh file (.obj, .ply), or the name of a built-in scene
+    /// Scene file (.toml), mesh file (.obj, .ply, .stl, .gltf, .glb), or the name of a built-in scene
     pub scene: String,
     /// Directory for the frames; made if it is not there
     #[arg(long, value_name = "DIR")]

@@ -14,7 +14,7 @@ use crate::generate::Made;
 use crate::geometry::examine;
 use crate::lights::finite;
 use crate::load::line_of;
-use crate::loaders::{self, MeshFile, Part};
+use crate::loaders::{self, MeshFile, Part, PartCopy, Setting};
 use crate::report::LoadReport;
 use crate::{normals, transform};
 
@@ -25,10 +25,11 @@ struct Prepared {
     parts: Vec<PreparedPart>,
     /// Scene material of each of the file's.
     materials: Vec<u32>,
+    setting: Setting,
 }
 
 struct PreparedPart {
-    name: Option<String>,
+    copies: Vec<PartCopy>,
     mesh: Mesh,
     face_materials: Vec<Option<usize>>,
     /// What is odd about it; counted for each object that shows it.
@@ -157,8 +158,8 @@ impl<'a> Assembler<'a> {
         }
     }
 
-    /// A mesh file alone.
-    pub(crate) fn add_mesh_file(&mut self, path: &Path) -> Result<(), SceneError> {
+    /// A mesh file alone; what it says of cameras and lights is handed back.
+    pub(crate) fn add_mesh_file(&mut self, path: &Path) -> Result<Setting, SceneError> {
         let normals = NormalsMode::File;
         self.prepare_file(path, normals, DEFAULT_CREASE_ANGLE)?;
         let stem = path
@@ -174,7 +175,9 @@ impl<'a> Assembler<'a> {
         };
         self.names.insert(stem.clone());
         self.place_file(path, normals, &placement);
-        Ok(())
+        let key = file_key(path, normals, DEFAULT_CREASE_ANGLE);
+        let file = self.files.remove(&key);
+        Ok(file.map(|f| f.setting).unwrap_or_default())
     }
 
     fn add_made(
@@ -229,6 +232,7 @@ impl<'a> Assembler<'a> {
         let MeshFile {
             parts,
             materials,
+            setting,
             report,
         } = loaders::read(path)?;
         self.report.add(&report);
@@ -256,6 +260,7 @@ impl<'a> Assembler<'a> {
             Prepared {
                 parts: prepared,
                 materials,
+                setting,
             },
         );
         Ok(())
@@ -288,7 +293,6 @@ impl<'a> Assembler<'a> {
                 }
             };
             let variant = mixed.then_some(material);
-            self.report.add(&part.report);
             let mesh = match part.placed.get(&variant) {
                 Some(&index) => index,
                 None => {
@@ -307,11 +311,18 @@ impl<'a> Assembler<'a> {
                     index
                 }
             };
-            let name = match &part.name {
-                Some(group) => self.unique_name(&format!("{}/{group}", placement.name)),
-                None => placement.name.into(),
-            };
-            self.push_object(name, mesh, material, placement);
+            for copy in &part.copies {
+                self.report.add(&part.report);
+                let name = match &copy.name {
+                    Some(group) => self.unique_name(&format!("{}/{group}", placement.name)),
+                    None => placement.name.into(),
+                };
+                let placement = Placement {
+                    transform: transform::product(&placement.transform, &copy.transform),
+                    ..*placement
+                };
+                self.push_object(name, mesh, material, &placement);
+            }
         }
         self.files.insert(key, file);
     }
@@ -383,7 +394,7 @@ fn prepare_part(
         normals::smooth(&mut part.mesh, crease_angle);
     }
     Ok(PreparedPart {
-        name: part.name,
+        copies: part.copies,
         mesh: part.mesh,
         face_materials: part.face_materials,
         report,

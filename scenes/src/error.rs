@@ -34,13 +34,13 @@ pub enum ErrorKind {
         /// What to write instead.
         remedy: String,
     },
-    /// A face uses a vertex whose coordinates are not all finite.
+    /// Every face uses a vertex whose coordinates are not all finite.
     #[error(
-        "vertex {vertex} has a coordinate that is not a finite number and a face uses it; correct or \
-         remove it"
+        "every face has a corner that is not finite, vertex {vertex} to begin with; correct the numbers or export the \
+         mesh again"
     )]
     NotFinite {
-        /// Counted from 1; among those of its group where no line is given.
+        /// Counted from 1 among those of the file's first such group.
         vertex: usize,
     },
     /// A face names a vertex, normal or texture coordinate that is not there.
@@ -62,7 +62,9 @@ pub enum ErrorKind {
     #[error("{0}; export it again or correct it by hand")]
     Malformed(String),
     /// A format that is not read.
-    #[error("format {0:?} is not read; convert it to .obj or .ply, or name a .toml scene")]
+    #[error(
+        "format {0:?} is not read; convert it to .obj, .ply, .stl or .glb, or name a .toml scene"
+    )]
     UnknownFormat(String),
     /// No built-in scene has that name.
     #[error("no built-in scene has this name; there are {0}")]

@@ -11,7 +11,7 @@ use crate::format::{CameraTable, ModelName, SceneFile};
 use crate::lights::{color, finite, light};
 use crate::loaders;
 use crate::motion::Motion;
-use crate::path::CameraPath;
+use crate::path::{CameraPath, PathKey};
 use crate::paths::{Paths, Subjects};
 use crate::report::LoadReport;
 
@@ -50,8 +50,8 @@ impl LoadedScene {
     }
 }
 
-/// Loads a scene file (`.toml`), or a mesh file (`.obj`, `.ply`) as a scene: framed by its bounds, lit by one area light
-/// above. The same files give the same scene to the bit.
+/// Loads a scene file (`.toml`), or a mesh file (`.obj`, `.ply`, `.stl`, `.gltf`, `.glb`) as a scene: framed by its
+/// bounds and lit by one area light above, unless the file brings cameras and point lights of its own. The same files give the same scene to the bit.
 ///
 /// # Errors
 /// Whatever keeps the scene from being drawn as written, with file and line.
@@ -139,18 +139,44 @@ pub(crate) fn load_text(text: &str, file: &Path) -> Result<LoadedScene, SceneErr
 
 fn load_mesh(path: &Path) -> Result<LoadedScene, SceneError> {
     let mut assembler = Assembler::new(path, "");
-    assembler.add_mesh_file(path)?;
+    let setting = assembler.add_mesh_file(path)?;
     let (mut scene, report) = assembler.finish();
-    let camera = frame(&scene);
+    let camera = match setting.cameras.first() {
+        Some(camera) => *camera,
+        None => frame(&scene),
+    };
+    if setting.has_metal {
+        scene.shading.model = Model::Glossy;
+    }
     scene.shading.ambient = [0.06; 3];
     scene.shading.background = [0.03, 0.035, 0.04];
-    scene.lights.push(light_above(&scene));
+    scene.lights = setting.lights;
+    if scene.lights.is_empty() {
+        scene.lights.push(light_above(&scene));
+    }
     Ok(LoadedScene {
         scene,
         camera,
-        paths: Vec::new(),
+        paths: Vec::from_iter(through(&setting.cameras)),
         motions: Vec::new(),
         report,
+    })
+}
+
+/// A path that holds each of a file's cameras for two seconds, if there is more than one.
+fn through(cameras: &[CameraSpec]) -> Option<CameraPath> {
+    (cameras.len() > 1).then(|| CameraPath {
+        name: "cameras".into(),
+        seconds: 2.0 * cameras.len() as f32,
+        open: true,
+        step: true,
+        keys: cameras
+            .iter()
+            .map(|c| PathKey {
+                eye: c.eye,
+                target: c.target,
+            })
+            .collect(),
     })
 }
 

@@ -27,7 +27,9 @@ pub struct LoadReport {
     pub polygons: usize,
     /// Points and lines, left out.
     pub points_and_lines: usize,
-    /// Positions that are not finite; no face uses them, or loading would have failed.
+    /// Faces of mesh files left out since a corner of theirs is not finite.
+    pub faces_not_finite: usize,
+    /// Positions that are not finite; no face that is kept uses them.
     pub unused_not_finite: usize,
     /// Faces without normals in files that have some; they got flat ones.
     pub faces_without_normals: usize,
@@ -52,6 +54,7 @@ impl LoadReport {
         self.duplicate_faces += other.duplicate_faces;
         self.polygons += other.polygons;
         self.points_and_lines += other.points_and_lines;
+        self.faces_not_finite += other.faces_not_finite;
         self.unused_not_finite += other.unused_not_finite;
         self.faces_without_normals += other.faces_without_normals;
         self.bad_normals += other.bad_normals;
@@ -64,16 +67,17 @@ impl LoadReport {
         self.broken().iter().all(|(n, _)| *n == 0) && self.notes.is_empty()
     }
 
-    fn broken(&self) -> [(usize, &'static str); 8] {
+    fn broken(&self) -> [(usize, &'static str); 9] {
         [
             (self.zero_area_faces, "zero-area faces"),
             (self.duplicate_faces, "duplicate faces"),
             (self.non_manifold_edges, "edges with three faces or more"),
             (self.points_and_lines, "points and lines left out"),
             (
-                self.unused_not_finite,
-                "unused vertices that are not finite",
+                self.faces_not_finite,
+                "faces left out for a corner that is not finite",
             ),
+            (self.unused_not_finite, "vertices that are not finite"),
             (
                 self.faces_without_normals,
                 "faces without the normals that others have",

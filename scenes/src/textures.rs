@@ -1,11 +1,13 @@
 //! Textures: image files, and patterns made by arithmetic on integers so that every machine makes the same bytes.
 
+use std::io::{BufRead, Cursor, Seek};
 use std::path::Path;
 
 use protocol::scene::Texture;
 use serde::Deserialize;
 
 use crate::error::{ErrorKind, SceneError};
+use crate::loaders::Picture;
 
 /// A pattern made on loading; colours are sRGB, 0 to 255, and every pattern repeats without a seam.
 #[derive(Debug, Clone, Deserialize)]
@@ -45,11 +47,25 @@ const SIZE: u32 = 256;
 /// Most texels in an image that is read.
 const MAX_TEXELS: u64 = 1 << 26;
 
-/// Reads a PNG or JPEG file as 8-bit sRGB; transparency is left out.
-pub(crate) fn read(path: &Path) -> Result<Texture, SceneError> {
+/// Reads a PNG or JPEG picture as 8-bit sRGB; transparency is left out.
+pub(crate) fn open(picture: &Picture) -> Result<Texture, SceneError> {
+    match picture {
+        Picture::File(path) => {
+            let reader = image::ImageReader::open(path)
+                .map_err(|e| SceneError::new(path, ErrorKind::Unreadable(e.to_string())))?;
+            decode(reader, path)
+        }
+        Picture::Held { name, bytes } => decode(image::ImageReader::new(Cursor::new(bytes)), name),
+    }
+}
+
+fn decode<R: BufRead + Seek>(
+    reader: image::ImageReader<R>,
+    path: &Path,
+) -> Result<Texture, SceneError> {
     let fail = |kind| SceneError::new(path, kind);
-    let mut reader = image::ImageReader::open(path)
-        .and_then(image::ImageReader::with_guessed_format)
+    let mut reader = reader
+        .with_guessed_format()
         .map_err(|e| fail(ErrorKind::Unreadable(e.to_string())))?;
     let mut limits = image::Limits::default();
     limits.max_image_width = Some(1 << 16);
@@ -75,6 +91,37 @@ pub(crate) fn read(path: &Path) -> Result<Texture, SceneError> {
         height,
         rgb: picture.pixels().map(|p| p.0).collect(),
     })
+}
+
+/// Mean of a picture that holds numbers rather than colours, 0 to 1 a channel.
+pub(crate) fn mean(texture: &Texture) -> [f32; 3] {
+    mean_of(texture, |byte| f64::from(byte) / 255.0)
+}
+
+/// Mean colour of a picture, linear.
+pub(crate) fn mean_color(texture: &Texture) -> [f32; 3] {
+    let linear: Vec<f64> = (0..=255)
+        .map(|byte| {
+            let s = f64::from(byte) / 255.0;
+            // IEC 61966-2-1.
+            if s <= 0.04045 {
+                s / 12.92
+            } else {
+                ((s + 0.055) / 1.055).powf(2.4)
+            }
+        })
+        .collect();
+    mean_of(texture, |byte| linear[usize::from(byte)])
+}
+
+fn mean_of(texture: &Texture, value: impl Fn(u8) -> f64) -> [f32; 3] {
+    let mut sum = [0.0; 3];
+    for texel in &texture.rgb {
+        for (sum, byte) in sum.iter_mut().zip(texel) {
+            *sum += value(*byte);
+        }
+    }
+    sum.map(|s| (s / texture.rgb.len().max(1) as f64) as f32)
 }
 
 /// Makes a pattern of 256 by 256 texels.

@@ -31,11 +31,11 @@ fn bad_files_give_one_line_that_names_the_place() {
     assert!(obj("v 0 0 x\n").starts_with("m.obj:1: \"x\" is not a number"));
     assert!(
         obj("v 1 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3")
-            .starts_with("m.obj:2: vertex 2 has a coordinate")
+            .contains("every face has a corner that is not finite, vertex 2")
     );
     assert!(obj(TRIANGLE).contains("no faces"));
     assert!(obj("").contains("no faces"));
-    assert!(line(dir.load("m.stl", "solid")).contains("\"stl\" is not read"));
+    assert!(line(dir.load("m.fbx", "solid")).contains("\"fbx\" is not read"));
     dir.write("bad.mtl", "newmtl a\nKd 1\nKd 0.5 x 1\n");
     assert!(obj(&format!("mtllib bad.mtl\n{TRIANGLE}f 1 2 3")).starts_with("bad.mtl:3: Kd"));
 }
@@ -292,6 +292,15 @@ proptest! {
         for encoding in ["ascii", "binary_little_endian", "binary_big_endian"] {
             check_any(&dir.write("m.ply", mutate(&ply(encoding), &edits)));
         }
+        let stl = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n";
+        check_any(&dir.write("m.stl", mutate(stl.as_bytes(), &edits)));
+        let mut soup = vec![b' '; 80];
+        soup.extend([2, 0, 0, 0]);
+        soup.extend((0..100).map(|i| if i % 4 == 3 { 0x3f } else { i as u8 }));
+        check_any(&dir.write("b.stl", mutate(&soup, &edits)));
+        let (maker, rest) = common::gltf::triangle();
+        check_any(&dir.write("m.gltf", mutate(maker.text(&rest).as_bytes(), &edits)));
+        check_any(&dir.write("m.glb", mutate(&maker.binary(&rest), &edits)));
         let toml = "[camera]\neye = [0, 1, 4]\ntarget = [0, 0, 0]\n[[light]]\nkind = 'point'\nposition = [0, 3, 0]\n\
             intensity = [1, 1, 1]\n[[object]]\nname = 'a'\ngenerate = { kind = 'torus', major = 1, minor = 0.2, around = 9 }\n\
             rotate = [0, 30, 0]\nscale = 2\n[[path]]\nname = 'p'\nseconds = 4\nopen = true\n\

@@ -56,6 +56,27 @@ fn obj_oddities_are_read() {
 }
 
 #[test]
+fn faces_with_a_corner_that_is_not_finite_are_left_out_and_counted() {
+    let dir = Dir::new();
+    let text =
+        format!("{TRIANGLE}v nan 0 0\nvn 0 0 1\ng a\nf 1//1 2//1 4//1\nf 1 2 3\ng b\nf 1 2 -1\n");
+    let loaded = dir.load("m.obj", text).unwrap();
+    let r = &loaded.report;
+    assert_eq!(
+        (r.triangles, r.faces_not_finite, r.unused_not_finite),
+        (1, 2, 1)
+    );
+    assert_eq!(
+        loaded.scene.objects.len(),
+        1,
+        "a group of which nothing is left is no object"
+    );
+    let mesh = &loaded.scene.meshes[0];
+    assert_eq!((mesh.faces.len(), mesh.face_normals.len()), (1, 1));
+    assert!(mesh.positions.iter().flatten().all(|x| x.is_finite()));
+}
+
+#[test]
 fn ply_reads_the_same_in_every_encoding() {
     let dir = Dir::new();
     let load = |encoding: &str| dir.load("p.ply", ply(encoding)).unwrap();

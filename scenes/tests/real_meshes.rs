@@ -87,6 +87,34 @@ fn models_have_their_catalogued_counts() {
 }
 
 #[test]
+fn stl_and_gltf_have_their_catalogued_counts() {
+    if let Some(counter) = opened("scenes/counter.unitsmm.STL") {
+        let r = counter.report;
+        assert_eq!(
+            (r.triangles, r.edges, r.boundary_edges, r.non_manifold_edges),
+            (83_750, 125_625, 0, 0)
+        );
+    }
+    if let Some(all) = opened("scenes/animate_all_gltf/24_animation_pointer.gltf") {
+        assert_eq!(
+            (all.report.triangles, all.report.zero_area_faces),
+            (14_436, 450)
+        );
+        assert_eq!(all.scene.meshes.len(), 34);
+        assert!(all.scene.objects.len() > 34, "nodes share meshes");
+        assert!(!all.scene.textures.is_empty());
+        let path = all.path("cameras").unwrap();
+        assert_eq!((path.keys.len(), path.step), (3, true));
+        let left_out = all
+            .report
+            .notes
+            .iter()
+            .filter(|n| n.contains("is no point light"));
+        assert_eq!(left_out.count(), 4);
+    }
+}
+
+#[test]
 fn references_load_twice_alike() {
     for (path, triangles, lights) in [
         ("references/chains/chains.toml", 73_730, 2),

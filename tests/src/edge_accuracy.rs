@@ -29,7 +29,7 @@ const STEP: f32 = 0.002;
 #[derive(Debug, Parser)]
 #[command(name = "edge-accuracy", version)]
 pub struct Args {
-    /// Scene file (.toml), mesh file (.obj, .ply), or the name of a built-in scene.
+    /// Scene file (.toml), mesh file (.obj, .ply, .stl, .gltf, .glb), or the name of a built-in scene.
     pub scene: String,
     /// Width and height of the picture, pixels.
     #[arg(long, default_value_t = 512, value_parser = clap::value_parser!(u32).range(16..=4096))]

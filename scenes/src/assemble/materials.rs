@@ -1,14 +1,12 @@
 //! The material and texture tables.
 
-use std::path::Path;
-
 use protocol::scene::{Material, Texture};
 use toml::Spanned;
 
 use super::Assembler;
 use crate::error::{ErrorKind, SceneError};
 use crate::format::{MapValue, MaterialTable};
-use crate::loaders::FileMaterial;
+use crate::loaders::{FileMaterial, Picture};
 use crate::textures;
 
 const DEFAULT_DIFFUSE: [f32; 3] = [0.7; 3];
@@ -44,7 +42,7 @@ impl Assembler<'_> {
                 MapValue::Made(made) => self.push_texture(textures::generate(&made.generate)),
                 MapValue::File(name) => {
                     let path = self.beside(name);
-                    self.texture_file(&path).map_err(|e| {
+                    self.picture(&Picture::File(path)).map_err(|e| {
                         let problem = e.to_string();
                         let remedy = "name a PNG or JPEG file, by its path from the scene file";
                         self.value(map.span().start, key("diffuse_map"), problem, remedy)
@@ -82,8 +80,8 @@ impl Assembler<'_> {
 
     /// A material of a mesh file; a picture that it names and that cannot be read is left out with a note.
     pub(super) fn push_file_material(&mut self, m: &FileMaterial) -> u32 {
-        let diffuse_map = m.diffuse_map.as_deref().and_then(|path| {
-            self.texture_file(path)
+        let diffuse_map = m.diffuse_map.as_ref().and_then(|picture| {
+            self.picture(picture)
                 .inspect_err(|e| {
                     self.report
                         .notes
@@ -101,13 +99,15 @@ impl Assembler<'_> {
         self.scene.materials.len() as u32 - 1
     }
 
-    fn texture_file(&mut self, path: &Path) -> Result<u32, SceneError> {
-        if let Some(&index) = self.textures.get(path) {
+    /// The texture of a picture, which is read once.
+    fn picture(&mut self, picture: &Picture) -> Result<u32, SceneError> {
+        let (Picture::File(name) | Picture::Held { name, .. }) = picture;
+        if let Some(&index) = self.textures.get(name) {
             return Ok(index);
         }
-        let texture = textures::read(path)?;
+        let texture = textures::open(picture)?;
         let index = self.push_texture(texture);
-        self.textures.insert(path.into(), index);
+        self.textures.insert(name.clone(), index);
         Ok(index)
     }
 

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use super::FileMaterial;
+use super::{FileMaterial, Picture};
 use crate::error::{ErrorKind, SceneError};
 use crate::report::LoadReport;
 
@@ -88,7 +88,7 @@ pub(crate) fn convert(
     let limit = |c: [f32; 3]| c.map(|x| x.clamp(0.0, 1.0));
     FileMaterial {
         diffuse: limit(m.diffuse.unwrap_or(default)),
-        diffuse_map: diffuse_map.map(|file| directory.join(file)),
+        diffuse_map: diffuse_map.map(|file| Picture::File(directory.join(file))),
         specular: limit(m.specular.unwrap_or([0.0; 3])),
         roughness: m
             .shininess

@@ -6,7 +6,7 @@ use std::io::{self, BufRead, Read};
 use std::path::Path;
 
 use super::obj_text::{CleanObj, clean};
-use super::{FileMaterial, MeshFile, Part, mtl, read_bytes};
+use super::{FileMaterial, MeshFile, Part, PartCopy, fill_in, mtl, read_bytes};
 use crate::error::{ErrorKind, SceneError};
 use crate::report::LoadReport;
 
@@ -61,6 +61,7 @@ pub(crate) fn read(path: &Path) -> Result<MeshFile, SceneError> {
         parts,
         materials,
         report,
+        ..MeshFile::default()
     })
 }
 
@@ -120,7 +121,9 @@ struct Merge {
 impl Merge {
     fn new(name: &str) -> Self {
         let part = Part {
-            name: (name != "unnamed_object").then(|| name.to_string()),
+            copies: vec![PartCopy::in_place(
+                (name != "unnamed_object").then(|| name.to_string()),
+            )],
             ..Part::default()
         };
         Self {
@@ -204,30 +207,9 @@ impl Merge {
         }
     }
 
-    /// Faces without normals among others that have some get flat ones; without texture coordinates, (0, 0).
     fn finish(mut self, report: &mut LoadReport) -> Part {
         let mesh = &mut self.part.mesh;
-        if self.without_normals.len() == mesh.faces.len() {
-            mesh.normals.clear();
-            mesh.face_normals.clear();
-        } else {
-            report.faces_without_normals += self.without_normals.len();
-            for &f in &self.without_normals {
-                let n = crate::normals::face_normal(mesh, f as usize);
-                mesh.face_normals[f as usize] = [mesh.normals.len() as u32; 3];
-                mesh.normals.push(n);
-            }
-        }
-        if self.without_uvs.len() == mesh.faces.len() {
-            mesh.uvs.clear();
-            mesh.face_uvs.clear();
-        } else if !self.without_uvs.is_empty() {
-            let zero = mesh.uvs.len() as u32;
-            mesh.uvs.push([0.0; 2]);
-            for &f in &self.without_uvs {
-                mesh.face_uvs[f as usize] = [zero; 3];
-            }
-        }
+        fill_in(mesh, &self.without_normals, &self.without_uvs, report);
         if self.part.face_materials.iter().all(Option::is_none) {
             self.part.face_materials.clear();
         }

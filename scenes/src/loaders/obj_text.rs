@@ -3,7 +3,6 @@
 //! tobj names no lines, stops at comments behind a face and fills in the normals that some faces lack from others, so
 //! what it is given here has none of that, and who lacked what is written down.
 
-use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -43,8 +42,6 @@ struct Scan<'a> {
     line: usize,
     counts: [usize; 3],
     highest: [Highest; 3],
-    /// Line of each vertex that is not finite, by its number from 1.
-    not_finite: BTreeMap<i64, usize>,
     out: CleanObj,
 }
 
@@ -60,7 +57,6 @@ pub(crate) fn clean(
         line: 0,
         counts: [0; 3],
         highest: [Highest::default(); 3],
-        not_finite: BTreeMap::new(),
         out: CleanObj {
             text: String::with_capacity(text.len() + 16),
             faces: Vec::new(),
@@ -154,9 +150,6 @@ impl Scan<'_> {
             let number: f32 = word
                 .parse()
                 .map_err(|_| self.malformed(format!("{word:?} is not a number")))?;
-            if table == 0 && !number.is_finite() {
-                self.not_finite.insert(self.counts[0] as i64 + 1, self.line);
-            }
             if i == 3 && number == 0.0 {
                 return Err(self.malformed("a vertex has weight 0".into()));
             }
@@ -210,19 +203,6 @@ impl Scan<'_> {
                 index,
                 count,
             }));
-        }
-        let number = if index < 0 {
-            count as i64 + 1 + index
-        } else {
-            index
-        };
-        if let (0, Some(&line)) = (table, self.not_finite.get(&number)) {
-            let vertex = number as usize;
-            return Err(SceneError::at(
-                self.file,
-                line,
-                ErrorKind::NotFinite { vertex },
-            ));
         }
         if index > self.highest[table].index {
             self.highest[table] = Highest {

@@ -10,7 +10,7 @@ use ply_rs_bw::ply::{
 };
 use protocol::scene::Mesh;
 
-use super::{MeshFile, Part};
+use super::{MeshFile, Part, PartCopy};
 use crate::error::{ErrorKind, SceneError};
 use crate::report::LoadReport;
 
@@ -123,12 +123,13 @@ pub(crate) fn read(path: &Path) -> Result<MeshFile, SceneError> {
     }
     let part = Part {
         mesh,
+        copies: vec![PartCopy::in_place(None)],
         ..Part::default()
     };
     Ok(MeshFile {
         parts: Vec::from_iter((!part.mesh.faces.is_empty()).then_some(part)),
-        materials: Vec::new(),
         report,
+        ..MeshFile::default()
     })
 }
 

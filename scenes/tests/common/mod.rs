@@ -1,9 +1,12 @@
 //! Files for tests to load.
 
+#![allow(dead_code, reason = "no test program uses all of them")]
 #![expect(
     clippy::unwrap_used,
     reason = "a helper of a test may fail as the test does"
 )]
+
+pub(crate) mod gltf;
 
 use std::fs;
 use std::path::PathBuf;
