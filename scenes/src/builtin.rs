@@ -8,11 +8,14 @@ use crate::load::{LoadedScene, load, load_text};
 /// The scene to show if none is asked for.
 pub const DEFAULT: &str = "chains";
 
-const FILES: [(&str, &str); 4] = [
+const FILES: [(&str, &str); 7] = [
     ("chains", include_str!("../chains.toml")),
     ("rooms", include_str!("../rooms.toml")),
     ("torus", include_str!("../torus.toml")),
     ("grid", include_str!("../grid.toml")),
+    ("mack", include_str!("../mack.toml")),
+    ("head", include_str!("../head.toml")),
+    ("dragon", include_str!("../dragon.toml")),
 ];
 
 /// Names that [`builtin`] knows.

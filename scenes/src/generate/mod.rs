@@ -3,6 +3,7 @@
 mod builder;
 mod chain;
 mod furniture;
+mod head;
 mod limits;
 mod params;
 mod round;

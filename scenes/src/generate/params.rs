@@ -5,6 +5,7 @@ use serde::Deserialize;
 use super::Made;
 use super::builder::Builder;
 use super::chain::{self, ChainSpec};
+use super::head::{self, HeadSpec};
 use super::tube::{self, TubeSpec};
 use super::{furniture, round, solids};
 
@@ -93,6 +94,8 @@ pub(crate) enum Generator {
     Chain(ChainSpec),
     /// A round body along a curve.
     Tube(TubeSpec),
+    /// A head and its neck, its surface irregular as a scanner gives it; faces +z.
+    Head(HeadSpec),
     /// Stands on y = 0: a top and four legs.
     Table {
         size: [f32; 3],
@@ -200,6 +203,7 @@ impl Generator {
                 cell,
             } => solids::wall(&mut b, *size, openings, *cell),
             Self::Tube(spec) => tube::tube(&mut b, spec)?,
+            Self::Head(spec) => head::head(&mut b, spec)?,
             &Self::Table {
                 size,
                 thickness,

@@ -79,6 +79,8 @@ fn closed_generators_are_closed() {
         "kind = 'wall'\nsize = [5, 3, 0.2]\nopenings = [[1, 0, 2, 2.1], [3, 1, 4, 2]]",
         "kind = 'wall'\nsize = [5, 3, 0.2]",
         "kind = 'tube'\nkeys = [[0, 0, 0, 0.1], [1, 0, 0, 0.2]]",
+        "kind = 'head'\nheight = 0.3\ncells = 12",
+        "kind = 'head'\nheight = 2\ncells = 40\nroughness = 3\nseed = 5",
         "kind = 'tube'\nkeys = [[0, 0, 0, 0.05], [0, 1, 0, 0.2], [0.8, 1, 0.5, 0.1]]\nscales = 12\ncrest = 0.2",
         "kind = 'chain'\nlinks = 2\nkeys = [[0, 0, 0], [0.7, 0, 0]]\nmajor = 0.5\nminor = 0.1",
     ] {
