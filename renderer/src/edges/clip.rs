@@ -54,11 +54,32 @@ impl Projector {
     #[inline]
     pub fn project(&self, from: [f32; 3], to: [f32; 3]) -> Option<ImageSegment> {
         let (a, b) = (from.map(f64::from), to.map(f64::from));
-        let mut along = [0.0_f64, 1.0];
-        // Nearly every segment passes; the others pay for divisions.
-        if !(self.within(a) && self.within(b)) {
-            along = self.clip(a, b)?;
+        // Nearly every segment passes; the others pay for more divisions.
+        if a[2] >= NEAR && b[2] >= NEAR {
+            let inverse_depth = [1.0 / a[2], 1.0 / b[2]];
+            let [p, q] = [
+                self.place(a, inverse_depth[0]),
+                self.place(b, inverse_depth[1]),
+            ];
+            // What is not a number is not within.
+            let within = |axis: usize| {
+                let (middle, guard) = (self.half[axis], self.guard[axis]);
+                (p[axis] - middle).abs() <= guard && (q[axis] - middle).abs() <= guard
+            };
+            if within(0) && within(1) {
+                return Some(ImageSegment {
+                    ends: [p, q].map(|place| place.map(|px| round(px * SUBPIXELS as f64))),
+                    inverse_depth,
+                    along: [0.0, 1.0],
+                });
+            }
         }
+        self.project_part(a, b)
+    }
+
+    #[cold]
+    fn project_part(&self, a: [f64; 3], b: [f64; 3]) -> Option<ImageSegment> {
+        let along = self.clip(a, b)?;
         let at = |t: f64| -> [f64; 3] {
             match t {
                 0.0 => a,
@@ -68,32 +89,24 @@ impl Projector {
         };
         let p = along.map(at);
         let inverse_depth = p.map(|p| 1.0 / p[2].max(NEAR));
-        let ends = [
-            self.snap(p[0], inverse_depth[0]),
-            self.snap(p[1], inverse_depth[1]),
-        ];
+        let snap = |k: usize| {
+            let [x, y] = self.place(p[k], inverse_depth[k]);
+            [fixed(x, self.guard[0]), fixed(y, self.guard[1])]
+        };
         Some(ImageSegment {
-            ends,
+            ends: [snap(0), snap(1)],
             inverse_depth,
             along,
         })
     }
 
     /// Signed distances to the five planes, positive inside.
-    #[inline]
     fn distances(&self, p: [f64; 3]) -> [f64; 5] {
         let (x, y) = (p[0] * self.focal, p[1] * self.focal);
         let (gx, gy) = (self.guard[0] * p[2], self.guard[1] * p[2]);
         [p[2] - NEAR, gx - x, gx + x, gy - y, gy + y]
     }
 
-    #[inline]
-    fn within(&self, p: [f64; 3]) -> bool {
-        // A NaN is not within.
-        self.distances(p).iter().all(|d| *d >= 0.0)
-    }
-
-    #[cold]
     fn clip(&self, a: [f64; 3], b: [f64; 3]) -> Option<[f64; 2]> {
         let (da, db) = (self.distances(a), self.distances(b));
         let (mut t0, mut t1) = (0.0_f64, 1.0_f64);
@@ -110,17 +123,15 @@ impl Projector {
         (t0 < t1).then_some([t0, t1])
     }
 
+    /// Image place, px.
     #[inline]
-    fn snap(&self, p: [f64; 3], inverse_depth: f64) -> [i64; 2] {
+    fn place(&self, p: [f64; 3], inverse_depth: f64) -> [f64; 2] {
         let s = self.focal * inverse_depth;
-        let x = self.half[0] + p[0] * s;
-        let y = self.half[1] - p[1] * s;
-        [fixed(x, self.guard[0]), fixed(y, self.guard[1])]
+        [self.half[0] + p[0] * s, self.half[1] - p[1] * s]
     }
 }
 
 /// Rounds pixels to the grid. What rounding errors left outside of the guard band goes to its rim.
-#[inline]
 fn fixed(px: f64, guard: f64) -> i64 {
     round(px.clamp(-2.0 * guard, 2.0 * guard) * SUBPIXELS as f64)
 }

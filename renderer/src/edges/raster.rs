@@ -118,16 +118,14 @@ impl Lines {
         if low_ties && dv > 0 {
             numerator -= 1;
         }
-        let mut eighth = numerator.div_euclid(denominator);
+        let mut eighth = floor_of_ratio(numerator, denominator);
         each(first, eighth);
         if first + step > last {
             return;
         }
         let advance = step * unit * dv;
-        let (whole, part) = (
-            advance.div_euclid(denominator),
-            advance.rem_euclid(denominator),
-        );
+        let whole = floor_of_ratio(advance, denominator);
+        let part = advance - whole * denominator;
         let mut remainder = numerator - eighth * denominator;
         let mut line = first + step;
         while line <= last {
@@ -141,6 +139,15 @@ impl Lines {
             line += step;
         }
     }
+}
+
+/// The integer at or below a ratio that is less than 2¹⁸ in size, of a denominator between 0 and 2³⁴; several times as fast
+/// as dividing integers. A ratio that is no integer is further from one than rounding can move it.
+#[inline]
+fn floor_of_ratio(numerator: i64, denominator: i64) -> i64 {
+    let ratio = numerator as f64 / denominator as f64;
+    let towards_zero = ratio as i64;
+    towards_zero - i64::from((towards_zero as f64) > ratio)
 }
 
 impl Crossings {
@@ -169,6 +176,9 @@ impl Crossings {
     /// Like [`draw`](Self::draw), of a part of the segment, 0..1 in image space: exactly those of the whole one's
     /// crossings that lie within it.
     pub fn draw_part(&mut self, segment: &ImageSegment, range: [f64; 2], half: bool) {
+        if range == [0.0, 1.0] {
+            return self.draw(segment, half);
+        }
         let size = [self.width as i64, self.height as i64];
         crossings_within(segment.ends, segment.part(range), size, half, |crossing| {
             self.record(crossing);
