@@ -200,8 +200,12 @@ pub fn measure(loaded: &LoadedScene, args: &Args) -> Vec<Line> {
         let name = format!("rays {spacing_px} px apart, to {precision_px} px");
         lines.push(line(name, Hiding::Rays(&world, settings)));
     }
-    let name = "rays, as by default".to_owned();
-    lines.push(line(name, Hiding::Rays(&world, RaySettings::default())));
+    for (name, settings) in [
+        ("rays, while something moves", RaySettings::default()),
+        ("rays, at rest", RaySettings::AT_REST),
+    ] {
+        lines.push(line(name.to_owned(), Hiding::Rays(&world, settings)));
+    }
     for share in [0.02, 0.1, 0.3, 1.0] {
         let buffer = sparse_depth(&view, &world, share);
         let name = format!("points in {:.0} % of pixels", share * 100.0);
@@ -252,7 +256,7 @@ mod tests {
         };
         let lines = measure(&scenes::open("chains").unwrap(), &args);
         let of = |name: &str| lines.iter().find(|l| l.name == name).unwrap().score;
-        let (all, rays) = (of("nothing"), of("rays, as by default"));
+        let (all, rays) = (of("nothing"), of("rays, while something moves"));
         assert!(all.recall() > 0.98, "{all:?}");
         assert!(rays.recall() > 0.9 && rays.precision() > 0.9, "{rays:?}");
         assert!(all.precision() < rays.precision(), "{all:?} {rays:?}");

@@ -30,6 +30,13 @@ impl RaySettings {
         precision_px: 0.25,
         tolerance: 1e-5,
     };
+
+    /// For edges that stay as they are: moving ones have to be done with too soon for that.
+    pub const AT_REST: Self = Self {
+        spacing_px: 1.0,
+        precision_px: 0.125,
+        tolerance: Self::DEFAULT.tolerance,
+    };
 }
 
 impl Default for RaySettings {
@@ -38,7 +45,7 @@ impl Default for RaySettings {
     }
 }
 
-/// Memory that is kept from frame to frame.
+/// Edges of a view in chains, and how far each pass over them has come. Keeps its memory from frame to frame.
 #[derive(Clone, Debug, Default)]
 pub(super) struct RayScratch {
     chains: Chains,
@@ -46,8 +53,10 @@ pub(super) struct RayScratch {
     pieces: Vec<Piece>,
     reach: Vec<f32>,
     cuts: Vec<f32>,
-    /// Rays cast for the last frame.
-    pub(super) rays: usize,
+    /// Chains in the order in which they are looked at, if not all of them can be at once.
+    order: Vec<(f32, u32)>,
+    /// The next chain to be looked at.
+    next: usize,
 }
 
 /// The part of an edge that lies in the picture.
@@ -60,18 +69,24 @@ struct Piece {
     length_px: f32,
 }
 
+/// What rays are cast at.
+#[derive(Clone, Copy)]
+pub(super) struct Target<'a> {
+    pub(super) view: &'a View,
+    pub(super) edges: &'a EdgeList,
+    pub(super) world: &'a World,
+}
+
 impl RayScratch {
-    /// Replaces `out` by the parts of edges that nothing hides.
-    pub(super) fn find(
+    /// Takes the edges of a view over, as segments of the image, and begins with the first chain. If more than `many` tests
+    /// are needed, long chains come first.
+    pub(super) fn prepare(
         &mut self,
-        view: &View,
-        edges: &EdgeList,
+        Target { view, edges, .. }: Target<'_>,
         segments: impl Iterator<Item = (u32, ImageSegment)>,
-        (world, settings): (&World, RaySettings),
-        out: &mut VisibleEdges,
+        settings: RaySettings,
+        many: usize,
     ) {
-        out.clear();
-        self.rays = 0;
         self.pieces.clear();
         self.joints.clear();
         for (edge, segment) in segments {
@@ -95,14 +110,60 @@ impl RayScratch {
             });
         }
         self.chains.join(&self.joints);
+        self.sort(settings.spacing_px, many);
+        self.next = 0;
+    }
+
+    fn sort(&mut self, spacing_px: f32, many: usize) {
+        let Self {
+            chains,
+            pieces,
+            order,
+            ..
+        } = self;
+        order.clear();
+        if pieces.len() <= many {
+            return;
+        }
+        order.extend((0..chains.len()).map(|index| {
+            let links = chains.get(index).iter();
+            let length_px: f32 = links.map(|l| pieces[l.edge as usize].length_px).sum();
+            (length_px, index as u32)
+        }));
+        let needed: f32 = order.iter().map(|(px, _)| tests(*px, spacing_px)).sum();
+        if needed <= many as f32 {
+            order.clear();
+        } else {
+            order.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        }
+    }
+
+    /// Begins with the first chain again.
+    pub(super) fn restart(&mut self) {
+        self.next = 0;
+    }
+
+    /// Goes on from where the last call ended until the chains or about this many rays are at an end; appends the parts of
+    /// edges that nothing hides, and adds the rays to `cast`. Says whether all chains have been looked at.
+    pub(super) fn advance(
+        &mut self,
+        target: Target<'_>,
+        settings: RaySettings,
+        most_rays: usize,
+        cast: &mut usize,
+        out: &mut VisibleEdges,
+    ) -> bool {
         let mut eye = Eye {
-            view,
-            edges,
-            world,
+            target,
             settings,
             rays: 0,
         };
-        for chain in self.chains.iter() {
+        while self.next < self.chains.len() && eye.rays < most_rays {
+            let index = match self.order.get(self.next) {
+                Some((_, index)) => *index as usize,
+                None => self.next,
+            };
+            let chain = self.chains.get(index);
             self.reach.clear();
             let mut length = 0.0;
             for link in chain {
@@ -116,9 +177,16 @@ impl RayScratch {
             };
             let first = walk.changes(&mut self.cuts, &mut eye);
             walk.emit(first, &self.cuts, out);
+            self.next += 1;
         }
-        self.rays = eye.rays;
+        *cast += eye.rays;
+        self.next == self.chains.len()
     }
+}
+
+/// How many tests a chain of this length needs.
+fn tests(length_px: f32, spacing_px: f32) -> f32 {
+    (length_px / spacing_px).ceil().max(1.0)
 }
 
 /// The part of a segment within a pixel of the picture, 0..1; nothing if it passes by.
@@ -175,7 +243,7 @@ impl Walk<'_> {
     fn changes(&self, cuts: &mut Vec<f32>, eye: &mut Eye<'_>) -> bool {
         cuts.clear();
         let length = self.reach.last().copied().unwrap_or(0.0);
-        let tests = (length / eye.settings.spacing_px).ceil().max(1.0);
+        let tests = tests(length, eye.settings.spacing_px);
         let step = length / tests;
         // Not at the ends, where the chain meets other faces.
         let mut before = 0.5 * step;
@@ -254,9 +322,7 @@ impl Piece {
 
 /// Casts rays at points on edges.
 struct Eye<'a> {
-    view: &'a View,
-    edges: &'a EdgeList,
-    world: &'a World,
+    target: Target<'a>,
     settings: RaySettings,
     rays: usize,
 }
@@ -266,25 +332,22 @@ impl Eye<'_> {
     fn sees(&mut self, piece: &Piece, share: f64) -> bool {
         let edge = piece.edge as usize;
         let segment = &piece.segment;
+        let Target { view, edges, world } = self.target;
         // Depth is not linear in image space: go through 1/depth to a place along the edge.
         let [i0, i1] = segment.inverse_depth;
         let within = share * i1 / ((1.0 - share) * i0 + share * i1);
         let along = (segment.along[0] + within * (segment.along[1] - segment.along[0])) as f32;
-        let (a, b) = (
-            Vec3::from(self.edges.from[edge]),
-            Vec3::from(self.edges.to[edge]),
-        );
+        let (a, b) = (Vec3::from(edges.from[edge]), Vec3::from(edges.to[edge]));
         let p = a + (b - a) * along;
-        let view = self.view;
         let ray = Ray {
             origin: view.eye,
             direction: view.right * p.x + view.up * p.y + view.forward * p.z,
         };
-        let objects = [self.edges.object[edge], self.edges.second[edge]];
-        let own = self.edges.faces[edge];
+        let objects = [edges.object[edge], edges.second[edge]];
+        let own = edges.faces[edge];
         let light = own == [super::list::NO_FACE; 2];
         self.rays += 1;
-        self.world
+        world
             .occluder_where(&ray, 1.0 - self.settings.tolerance, |instance, face| {
                 let is_own = |k: usize| instance == objects[k] && (light || face == own[k]);
                 !(is_own(0) || is_own(1))

@@ -56,11 +56,20 @@ impl Chains {
         self.starts.push(self.links.len() as u32);
     }
 
-    /// The chains.
-    pub(super) fn iter(&self) -> impl Iterator<Item = &[Link]> {
-        self.starts
-            .windows(2)
-            .map(|w| &self.links[w[0] as usize..w[1] as usize])
+    /// How many there are.
+    pub(super) fn len(&self) -> usize {
+        self.starts.len().saturating_sub(1)
+    }
+
+    /// One of them.
+    pub(super) fn get(&self, index: usize) -> &[Link] {
+        &self.links[self.starts[index] as usize..self.starts[index + 1] as usize]
+    }
+
+    /// All of them.
+    #[cfg(test)]
+    fn iter(&self) -> impl Iterator<Item = &[Link]> {
+        (0..self.len()).map(|index| self.get(index))
     }
 
     fn join_object(&mut self, edges: &[Joint], range: std::ops::Range<usize>) {

@@ -10,6 +10,7 @@ pub mod clip;
 pub mod crossings;
 pub mod depth;
 pub mod finder;
+mod layer;
 pub mod list;
 pub mod meets;
 mod orient;

@@ -39,6 +39,13 @@ impl VisibleEdges {
         self.range.push(range);
     }
 
+    /// Adds all parts of others of the same list.
+    pub fn extend(&mut self, others: &Self) {
+        self.edge.extend_from_slice(&others.edge);
+        self.segment.extend_from_slice(&others.segment);
+        self.range.extend_from_slice(&others.range);
+    }
+
     /// Records the crossings of all parts, those with lines through the middle of pixels too if `half` is set. Parts of
     /// one edge that touch cross each line once.
     pub fn draw(&self, half: bool, out: &mut Crossings) {
