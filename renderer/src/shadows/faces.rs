@@ -3,6 +3,8 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use fearless_simd::{Level, dispatch, f32x8, prelude::*};
+use fearless_simd_macros::simd;
 use glam::DVec3;
 use protocol::scene::Mesh;
 
@@ -53,6 +55,7 @@ pub struct FaceTree {
     pub(super) faces: Vec<u32>,
     /// Greatest 1-norm of a corner.
     pub(super) reach: f32,
+    pub(super) level: Level,
 }
 
 /// A node by itself, for walks down two trees at once.
@@ -224,14 +227,26 @@ impl FaceTree {
         if !self.groups.is_empty() {
             stack.push(0);
         }
+        dispatch!(self.level, simd => self.walk(simd, region, light, stack, &mut leaf));
+    }
+
+    #[simd]
+    fn walk<S: Simd>(
+        &self,
+        simd: S,
+        region: &Region,
+        light: Option<&LightEnds>,
+        stack: &mut Vec<u32>,
+        leaf: &mut impl FnMut(Range<usize>),
+    ) {
         while let Some(index) = stack.pop() {
             let group = &self.groups[index as usize];
-            let mut meets = group.meets(region);
+            let mut meets = group.meets(simd, region);
             if meets == 0 {
                 continue;
             }
             if let Some(light) = light {
-                meets &= group.lit(light);
+                meets &= group.lit(simd, light);
             }
             while meets != 0 {
                 let lane = meets.trailing_zeros() as usize;
@@ -259,48 +274,50 @@ impl Group {
     };
 
     /// A bit for each node whose box may meet the region.
-    #[inline]
-    fn meets(&self, region: &Region) -> u32 {
-        let mut margin = [f32::INFINITY; LANES];
+    #[inline(always)]
+    fn meets<S: Simd>(&self, simd: S, region: &Region) -> u32 {
+        let splat = |v: f32| f32x8::splat(simd, v);
+        let load = |lanes: &[f32; LANES]| f32x8::from_slice(simd, lanes);
+        let (centre, half) = (
+            self.centre.each_ref().map(load),
+            self.half.each_ref().map(load),
+        );
+        let mut margin = splat(f32::INFINITY);
         for k in 0..4 {
-            let [x, y, z, d] = region.planes[k];
-            let [rx, ry, rz, slack] = region.reach[k];
-            for (i, margin) in margin.iter_mut().enumerate() {
-                let side =
-                    x * self.centre[0][i] + y * self.centre[1][i] + z * self.centre[2][i] - d;
-                let reach =
-                    rx * self.half[0][i] + ry * self.half[1][i] + rz * self.half[2][i] + slack;
-                let inside = reach + if k == 0 { -side.abs() } else { side };
-                // A NaN must not rule a node out.
-                *margin = if inside < *margin { inside } else { *margin };
-            }
+            let [x, y, z, d] = region.planes[k].map(splat);
+            let [rx, ry, rz, slack] = region.reach[k].map(splat);
+            let side = x * centre[0] + y * centre[1] + z * centre[2] - d;
+            let reach = rx * half[0] + ry * half[1] + rz * half[2] + slack;
+            let inside = if k == 0 {
+                reach - side.abs()
+            } else {
+                reach + side
+            };
+            // A NaN must not rule a node out.
+            margin = inside.simd_lt(margin).select(inside, margin);
         }
-        let mut mask = 0;
-        for (i, margin) in margin.iter().enumerate() {
-            mask |= u32::from(*margin >= 0.0 && self.count[i] != 0) << i;
-        }
-        mask
+        let there = self.count.iter().enumerate();
+        let there = there.fold(0, |mask, (i, count)| mask | u32::from(*count != 0) << i);
+        margin.simd_ge(splat(0.0)).to_bitmask() as u32 & there
     }
 
     /// A bit for each node of which some face may be turned to the light.
-    #[inline]
-    fn lit(&self, light: &LightEnds) -> u32 {
-        let mut most = [f32::NEG_INFINITY; LANES];
+    #[inline(always)]
+    fn lit<S: Simd>(&self, simd: S, light: &LightEnds) -> u32 {
+        let splat = |v: f32| f32x8::splat(simd, v);
+        let load = |lanes: &[f32; LANES]| f32x8::from_slice(simd, lanes);
+        let behind = splat(light.slack) - load(&self.offset);
+        let mut most = splat(f32::NEG_INFINITY);
         for end in &light.ends {
-            for (i, most) in most.iter_mut().enumerate() {
-                let mut front = light.slack - self.offset[i];
-                for (k, at) in end.iter().enumerate() {
-                    let w = at - self.centre[k][i];
-                    front += self.normal[k][i] * w + (self.spread[k][i] + ROUNDING) * w.abs();
-                }
-                *most = if front <= *most { *most } else { front };
+            let mut front = behind;
+            for (k, at) in end.iter().enumerate() {
+                let w = splat(*at) - load(&self.centre[k]);
+                let spread = load(&self.spread[k]) + splat(ROUNDING);
+                front += load(&self.normal[k]) * w + spread * w.abs();
             }
+            most = front.simd_le(most).select(most, front);
         }
-        let mut mask = 0;
-        for (i, most) in most.iter().enumerate() {
-            let turned_away = *most < 0.0;
-            mask |= u32::from(!turned_away) << i;
-        }
-        mask
+        // What is not a number is not turned away.
+        !(most.simd_lt(splat(0.0)).to_bitmask() as u32) & ((1 << LANES) - 1)
     }
 }

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use fearless_simd::Level;
 use glam::{DVec3, Vec3};
 use protocol::scene::Mesh;
 
@@ -100,6 +101,7 @@ pub(super) fn build(mesh: &Mesh, adjacency: Arc<Adjacency>) -> FaceTree {
         vertices,
         faces: items.iter().map(|i| i.face).collect(),
         reach: reach.next_up(),
+        level: Level::new(),
         adjacency,
     }
 }
