@@ -19,6 +19,10 @@ pub(super) struct Hit {
 impl Hit {
     /// Nearness at `s`.
     pub(super) fn at(&self, s: f64) -> f64 {
+        // To the bit, so that pieces on neighbouring faces meet.
+        if s == self.s[1] {
+            return self.nearness[1];
+        }
         let share = (s - self.s[0]) / (self.s[1] - self.s[0]);
         self.nearness[0] + (self.nearness[1] - self.nearness[0]) * share
     }

@@ -9,6 +9,7 @@ mod faces_build;
 pub mod geometry;
 pub mod light;
 pub mod list;
+mod order;
 pub mod store;
 pub mod truth;
 pub mod wedge;

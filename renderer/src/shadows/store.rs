@@ -6,10 +6,12 @@
 //! before until samples say more, so that its edges move with it at once. Where another blocker of the light hides it from
 //! the blocker or the receiver there is no edge; edges are cut anew when such a blocker turns up or moves, once nothing is
 //! more urgent. Pairs are computed in the order in which samples met them, which is that of what can be seen best: samples
-//! are asked for in that order.
+//! are asked for in that order. Those with many events are computed in parts, by turns with others, and what is known of
+//! them is shown; a new answer in place of one that is not wrong is shown once it is whole.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use protocol::messages::Triple;
 use protocol::scene::{Affine, Light, Scene};
@@ -17,7 +19,7 @@ use serde::Serialize;
 
 use super::geometry::ShadowScene;
 use super::light::ShadowLight;
-use super::worker::{Answer, Cast, Job, Lines, Worker};
+use super::worker::{Answer, Cast, Job, Lines, PairJob, Worker};
 use crate::edges::finder::EdgeFinder;
 use crate::edges::meets::Meet;
 
@@ -27,11 +29,29 @@ struct Pair {
     receivers: BTreeSet<u32>,
     /// Of the job that is under way or was the last.
     version: u64,
+    /// The same, for the thread to see.
+    wanted: Arc<AtomicU64>,
     /// Something has changed since that job was given.
     stale: bool,
     /// What else blocks the light has changed since, and may hide more of it or less.
     uncut: bool,
-    cast: Cast,
+    /// Its edges, as far as they are known.
+    parts: Vec<Cast>,
+    /// Those that take their place once all of them are known, while the old ones are still right.
+    coming: Option<Vec<Cast>>,
+}
+
+impl Pair {
+    /// Has it computed anew; what is known is wrong.
+    fn forget(&mut self) {
+        self.stale = true;
+        self.wanted.store(0, Ordering::Relaxed);
+        self.parts.clear();
+    }
+
+    fn edges(&self) -> usize {
+        self.parts.iter().map(|part| part.edges.len()).sum()
+    }
 }
 
 /// What is known of a light's shadows.
@@ -83,6 +103,10 @@ impl Shadows {
             last_version: 0,
             generation: 1,
         };
+        if lines.is_some() && !scene.lights.is_empty() {
+            let scene = Arc::clone(&shadows.scene);
+            shadows.ask(Job::Prepare(scene));
+        }
         if scene.objects.len() > 1 {
             shadows.ask_meets();
         }
@@ -95,10 +119,7 @@ impl Shadows {
             return;
         }
         self.lines = lines;
-        for pair in self.pairs.values_mut() {
-            pair.stale = true;
-            pair.cast = Cast::default();
-        }
+        self.pairs.values_mut().for_each(Pair::forget);
         self.generation += 1;
     }
 
@@ -141,11 +162,10 @@ impl Shadows {
             lights.into_iter().for_each(|light| self.doubt(light));
             for ((_, blocker), pair) in &mut self.pairs {
                 if *blocker == object {
-                    pair.stale = true;
-                    pair.cast = Cast::default();
+                    pair.forget();
                 } else if pair.receivers.contains(&object) {
                     pair.stale = true;
-                    pair.cast.forget(object);
+                    pair.parts.iter_mut().for_each(|part| part.forget(object));
                 }
             }
             self.meets.retain(|meet| !meet.objects.contains(&object));
@@ -165,8 +185,7 @@ impl Shadows {
         }
         *place = changed;
         for (_, pair) in self.pairs.range_mut(of_light(light)) {
-            pair.stale = true;
-            pair.cast = Cast::default();
+            pair.forget();
         }
         self.generation += 1;
     }
@@ -188,7 +207,9 @@ impl Shadows {
                     }
                     break;
                 };
-                self.under_way -= 1;
+                if answer.is_last() {
+                    self.under_way -= 1;
+                }
                 self.take(answer);
             }
             // What others may hide comes after what is more urgent: waiting means waiting for both.
@@ -217,19 +238,26 @@ impl Shadows {
             };
             self.last_version += 1;
             (state.version, state.stale, state.uncut) = (self.last_version, false, false);
-            let job = Job::Pair {
+            state.wanted.store(state.version, Ordering::Relaxed);
+            state.coming = (!state.parts.is_empty()).then(Vec::new);
+            let job = Job::Pair(PairJob {
                 pair,
                 version: state.version,
+                wanted: Arc::clone(&state.wanted),
                 scene: Arc::clone(&self.scene),
                 receivers: state.receivers.iter().copied().collect(),
                 others,
                 lines,
-            };
-            if self.worker.as_ref().is_some_and(|w| w.send(job)) {
-                self.under_way += 1;
-            }
+            });
+            self.ask(job);
         }
         any
+    }
+
+    fn ask(&mut self, job: Job) {
+        if self.worker.as_ref().is_some_and(|w| w.send(job)) {
+            self.under_way += 1;
+        }
     }
 
     fn pairs_where(&self, is: impl Fn(&Pair) -> bool) -> Vec<(u32, u32)> {
@@ -245,25 +273,34 @@ impl Shadows {
             scene: Arc::clone(&self.scene),
             moved: std::mem::take(&mut self.moved),
         };
-        if self.worker.as_ref().is_some_and(|w| w.send(job)) {
-            self.under_way += 1;
-        }
+        self.ask(job);
     }
 
     fn take(&mut self, answer: Answer) {
         match answer {
-            Answer::Pair {
+            Answer::Part {
                 pair,
                 version,
                 cast,
+                last,
             } => {
                 // An answer to an older question is of no use: something has moved since.
                 let current = self.pairs.get_mut(&pair).filter(|p| p.version == version);
-                if let Some(state) = current.filter(|p| !p.stale) {
-                    state.cast = cast;
-                    self.generation += 1;
+                let Some(state) = current.filter(|p| !p.stale) else {
+                    return;
+                };
+                match &mut state.coming {
+                    Some(parts) => parts.push(cast),
+                    None => state.parts.push(cast),
                 }
+                if last && let Some(parts) = state.coming.take() {
+                    state.parts = parts;
+                } else if state.coming.is_some() {
+                    return;
+                }
+                self.generation += 1;
             }
+            Answer::Nothing => {}
             Answer::Meet { version, meets } => {
                 if version == self.meets_version && self.moved.is_empty() {
                     self.meets = meets;
@@ -287,8 +324,8 @@ impl Shadows {
     pub fn edges(&self) -> impl Iterator<Item = (u32, &Cast)> {
         self.pairs
             .iter()
-            .filter(|(_, pair)| !pair.cast.edges.is_empty())
-            .map(|((light, _), pair)| (*light, &pair.cast))
+            .flat_map(|((light, _), pair)| pair.parts.iter().map(|part| (*light, part)))
+            .filter(|(_, part)| !part.edges.is_empty())
     }
 
     /// What samples have met of a light's shadows, and what was computed from that.
@@ -298,8 +335,11 @@ impl Shadows {
         Known {
             blockers: pairs().count(),
             receivers: receivers.len(),
-            events: pairs().map(|(_, pair)| pair.cast.events).sum(),
-            edges: pairs().map(|(_, pair)| pair.cast.edges.len()).sum(),
+            events: pairs()
+                .flat_map(|(_, pair)| &pair.parts)
+                .map(|part| part.events)
+                .sum(),
+            edges: pairs().map(|(_, pair)| pair.edges()).sum(),
         }
     }
 

@@ -212,7 +212,8 @@ fn a_dropped_triple_concerns_its_pair_alone_and_is_made_good_when_it_comes_again
         shadows.update(true);
         for ((light, blocker), pair) in &shadows.pairs {
             let other = (*light, *blocker) != (lost.light, lost.blocker);
-            assert!(other || pair.cast.edges.iter().all(|e| e.receiver != lost.receiver));
+            let mut edges = pair.parts.iter().flat_map(|part| &part.edges);
+            assert!(other || edges.all(|e| e.receiver != lost.receiver));
         }
         shadows.learn(&[lost]);
         shadows.update(true);
@@ -237,16 +238,20 @@ fn nothing_is_computed_twice_and_an_old_answer_is_not_taken() {
 
     let pair = (0, 1);
     let old = shadows.pairs[&pair].version;
-    let late = || Answer::Pair {
+    let late = || Answer::Part {
         pair,
         version: old,
+        last: true,
         cast: Cast {
             edges: Vec::new(),
             vertices: Vec::new(),
             events: 1_000_000,
         },
     };
-    let events = |shadows: &Shadows| shadows.pairs[&pair].cast.events;
+    let events = |shadows: &Shadows| {
+        let parts = shadows.pairs[&pair].parts.iter();
+        parts.map(|part| part.events).sum::<usize>()
+    };
     shadows.move_object(1, &at([0.5, 2.0, 0.0]));
     shadows.take(late());
     assert_eq!(events(&shadows), 0, "asked for before the move");

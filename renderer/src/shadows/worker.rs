@@ -1,21 +1,25 @@
 //! The thread on which shadow edges are computed, so that no frame waits for them.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread::JoinHandle;
 
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 use super::cast::{CastScratch, Receiver as Casting, ShadowEdge, cast_event};
 use super::events::{Blocker, EventOptions, EventScratch, find_events};
 use super::geometry::ShadowScene;
 use super::light::ShadowLight;
+use super::order;
 use super::wedge::Event;
 use crate::edges::meets::{Meet, Meets};
 
 /// Most shadow edges of a pair of light and blocker. Foliage can throw more than anybody can see or any memory hold.
 const MOST_EDGES: usize = 1 << 20;
+/// Events that are cast in one go: a few milliseconds' worth.
+const PART: usize = 1024;
 
 /// Which lines of a light stand for its shadows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,20 +38,12 @@ impl Lines {
     }
 }
 
-/// What is to be computed. Jobs are done in the order in which they come.
+/// What is to be computed. Long jobs are done in parts, by turns.
 pub(super) enum Job {
+    /// What every mesh needs before it can cast shadows and receive them.
+    Prepare(Arc<ShadowScene>),
     /// The edges that one blocker throws on its receivers in one light.
-    Pair {
-        /// Light and blocker.
-        pair: (u32, u32),
-        /// Comes back with the answer.
-        version: u64,
-        scene: Arc<ShadowScene>,
-        receivers: Vec<u32>,
-        /// What else blocks the light.
-        others: Vec<u32>,
-        lines: Lines,
-    },
+    Pair(PairJob),
     /// Where objects pass through one another, all of them or, later on, those that moved.
     Meet {
         version: u64,
@@ -56,12 +52,27 @@ pub(super) enum Job {
     },
 }
 
-/// The shadow edges of a pair.
+/// See [`Job::Pair`].
+pub(super) struct PairJob {
+    /// Light and blocker.
+    pub(super) pair: (u32, u32),
+    /// Comes back with the answer.
+    pub(super) version: u64,
+    /// Once this is not the version any more, nobody wants the answer.
+    pub(super) wanted: Arc<AtomicU64>,
+    pub(super) scene: Arc<ShadowScene>,
+    pub(super) receivers: Vec<u32>,
+    /// What else blocks the light.
+    pub(super) others: Vec<u32>,
+    pub(super) lines: Lines,
+}
+
+/// Some of the shadow edges of a pair.
 #[derive(Clone, Debug, Default)]
 pub struct Cast {
     /// Those on one receiver follow each other.
     pub edges: Vec<ShadowEdge>,
-    /// Numbers of the ends of each: equal where edges on one receiver meet. Below twice the number of edges.
+    /// Numbers of the ends of each: equal where edges on one receiver meet. Below twice their number.
     pub vertices: Vec<[u32; 2]>,
     /// Events that they come from.
     pub events: usize,
@@ -70,10 +81,11 @@ pub struct Cast {
 impl Cast {
     fn new(mut edges: Vec<ShadowEdge>, events: usize) -> Self {
         edges.sort_by_key(|edge| edge.receiver);
-        let mut numbers: HashMap<(u32, [u64; 3]), u32> = HashMap::with_capacity(2 * edges.len());
+        let mut numbers: HashMap<(u32, [u32; 3]), u32> = HashMap::with_capacity(2 * edges.len());
         let mut number = |receiver: u32, p: DVec3| {
-            // Adding nought makes of a negative zero a positive one.
-            let bits = (p + DVec3::ZERO).to_array().map(f64::to_bits);
+            // Two events that share a ray agree on where it ends but for the last bits of a double. Adding nought makes of a
+            // negative zero a positive one.
+            let bits = (p.as_vec3() + Vec3::ZERO).to_array().map(f32::to_bits);
             let next = numbers.len() as u32;
             *numbers.entry((receiver, bits)).or_insert(next)
         };
@@ -96,15 +108,26 @@ impl Cast {
 
 /// What was computed.
 pub(super) enum Answer {
-    Pair {
+    /// Some edges of a pair; whether they are the last.
+    Part {
         pair: (u32, u32),
         version: u64,
         cast: Cast,
+        last: bool,
     },
     Meet {
         version: u64,
         meets: Vec<Meet>,
     },
+    /// A job has ended that has no answer, or whose answer is not wanted any more.
+    Nothing,
+}
+
+impl Answer {
+    /// Whether its job has ended.
+    pub(super) fn is_last(&self) -> bool {
+        !matches!(self, Self::Part { last: false, .. })
+    }
 }
 
 /// A thread that does jobs.
@@ -124,14 +147,7 @@ impl Worker {
         let (done, answers) = channel();
         let thread = std::thread::Builder::new()
             .name("shadow-edges".into())
-            .spawn(move || {
-                let mut shop = Shop::default();
-                while let Ok(job) = todo.recv() {
-                    if done.send(shop.work(job)).is_err() {
-                        break;
-                    }
-                }
-            })?;
+            .spawn(move || work(&todo, &done))?;
         Ok(Self {
             jobs: Some(jobs),
             answers,
@@ -158,10 +174,61 @@ impl Worker {
 
 impl Drop for Worker {
     fn drop(&mut self) {
-        // The thread ends when nothing can come any more, after the job it is at; what waits is dropped unseen.
+        // The thread ends when nothing can come any more, after the part it is at; what waits is dropped unseen.
         while self.answers.try_recv().is_ok() {}
         self.jobs = None;
         drop(self.thread.take());
+    }
+}
+
+/// Does jobs until no more can come, short ones before long ones have ended.
+fn work(todo: &Receiver<Job>, done: &Sender<Answer>) {
+    let mut shop = Shop::default();
+    let mut tasks = VecDeque::new();
+    loop {
+        if tasks.is_empty() {
+            let Ok(job) = todo.recv() else { return };
+            tasks.push_back(Task::from(job));
+        }
+        loop {
+            match todo.try_recv() {
+                Ok(job) => tasks.push_back(Task::from(job)),
+                Err(TryRecvError::Empty) => break,
+                Err(TryRecvError::Disconnected) => return,
+            }
+        }
+        let Some(mut task) = tasks.pop_front() else {
+            continue;
+        };
+        let answer = shop.go_on(&mut task);
+        if !answer.is_last() {
+            tasks.push_back(task);
+        }
+        if done.send(answer).is_err() {
+            return;
+        }
+    }
+}
+
+/// A job and how far it has come.
+struct Task {
+    job: Job,
+    /// Of a pair that has been begun.
+    events: Option<Events>,
+}
+
+/// The events of a pair.
+struct Events {
+    all: Vec<Event>,
+    /// The next one to be cast.
+    next: usize,
+    /// Edges that there are already.
+    edges: usize,
+}
+
+impl From<Job> for Task {
+    fn from(job: Job) -> Self {
+        Self { job, events: None }
     }
 }
 
@@ -202,77 +269,69 @@ impl Met<'_> {
 struct Shop {
     light: ShadowLight,
     finding: EventScratch,
-    events: Vec<Event>,
     casting: CastScratch,
     meets: Option<Meets>,
 }
 
 impl Shop {
-    fn work(&mut self, job: Job) -> Answer {
-        match job {
-            Job::Pair {
-                pair,
-                version,
-                scene,
-                receivers,
-                others,
-                lines,
-            } => {
-                let mut edges = Vec::new();
-                self.events.clear();
-                let met = Met {
-                    receivers: &receivers,
-                    others: &others,
-                };
-                self.cast(&scene, pair, met, lines, &mut edges);
-                Answer::Pair {
-                    pair,
-                    version,
-                    cast: Cast::new(edges, self.events.len()),
+    fn go_on(&mut self, task: &mut Task) -> Answer {
+        match &mut task.job {
+            Job::Prepare(scene) => {
+                for object in &scene.objects {
+                    object.mesh.faces();
+                    object.mesh.rings();
                 }
+                Answer::Nothing
+            }
+            Job::Pair(job) => {
+                if job.wanted.load(Ordering::Relaxed) != job.version {
+                    return Answer::Nothing;
+                }
+                let events = task.events.get_or_insert_with(|| Events {
+                    all: self.find(job),
+                    next: 0,
+                    edges: 0,
+                });
+                self.cast(job, events)
             }
             Job::Meet {
                 version,
                 scene,
                 moved,
-            } => {
-                let meets = self.meets.get_or_insert_with(|| {
-                    let objects = scene.objects.iter();
-                    Meets::new(objects.map(|o| (Arc::clone(o.mesh.faces()), o.to_world)))
-                });
-                for object in moved {
-                    if let Some(o) = scene.objects.get(object as usize) {
-                        meets.move_object(object as usize, o.to_world);
-                    }
-                }
-                Answer::Meet {
-                    version,
-                    meets: meets.iter().copied().collect(),
-                }
-            }
+            } => Answer::Meet {
+                version: *version,
+                meets: self.meet(scene, moved),
+            },
         }
     }
 
-    /// Finds the events of a pair and what they meet.
-    fn cast(
-        &mut self,
-        scene: &ShadowScene,
-        (light, blocker): (u32, u32),
-        met: Met<'_>,
-        lines: Lines,
-        out: &mut Vec<ShadowEdge>,
-    ) {
+    fn meet(&mut self, scene: &ShadowScene, moved: &[u32]) -> Vec<Meet> {
+        let meets = self.meets.get_or_insert_with(|| {
+            let objects = scene.objects.iter();
+            Meets::new(objects.map(|o| (Arc::clone(o.mesh.faces()), o.to_world)))
+        });
+        for object in moved {
+            if let Some(o) = scene.objects.get(*object as usize) {
+                meets.move_object(*object as usize, o.to_world);
+            }
+        }
+        meets.iter().copied().collect()
+    }
+
+    /// Finds the events of a pair, in the blocker's space.
+    fn find(&mut self, job: &PairJob) -> Vec<Event> {
+        let mut events = Vec::new();
+        let (light, blocker) = job.pair;
         let (Some(light), Some(object)) = (
-            scene.lights.get(light as usize),
-            scene.objects.get(blocker as usize),
+            job.scene.lights.get(light as usize),
+            job.scene.objects.get(blocker as usize),
         ) else {
-            return;
+            return events;
         };
         let Some(to_object) = object.to_object else {
-            return;
+            return events;
         };
-        let whole = lines.are_whole(light);
-        match lines {
+        match job.lines {
             Lines::Boundaries => self.light.set_transformed(light, &to_object),
             Lines::Middle => self.light.set_transformed(&light.middle(), &to_object),
         }
@@ -285,26 +344,56 @@ impl Shop {
             tree: &mesh.tree,
             rings: mesh.rings(),
         };
-        find_events(
-            caster,
-            &self.light,
-            options,
-            &mut self.finding,
-            &mut self.events,
-        );
-        let list = met.casting(scene, blocker, whole);
-        for event in &self.events {
-            let world = Event {
-                wedge: event.wedge.transformed(&object.to_world),
-                ..*event
+        find_events(caster, &self.light, options, &mut self.finding, &mut events);
+        order::sort(&mut events, mesh.faces().bounds());
+        events
+    }
+
+    /// Finds what some more events of a pair meet.
+    fn cast(&mut self, job: &PairJob, events: &mut Events) -> Answer {
+        let PairJob {
+            pair,
+            version,
+            scene,
+            lines,
+            ..
+        } = job;
+        let (light, blocker) = *pair;
+        let mut edges = Vec::new();
+        let to = events.all.len().min(events.next + PART);
+        let some = &events.all[events.next..to];
+        let mut last = to == events.all.len();
+        if let (Some(light), Some(object)) = (
+            scene.lights.get(light as usize),
+            scene.objects.get(blocker as usize),
+        ) {
+            let met = Met {
+                receivers: &job.receivers,
+                others: &job.others,
             };
-            cast_event(&world, &list, &mut self.casting, out);
-            if out.len() > MOST_EDGES {
-                tracing::warn!(
-                    "object {blocker} throws more than {MOST_EDGES} shadow edges: the others are left out"
-                );
-                break;
+            let list = met.casting(scene, blocker, lines.are_whole(light));
+            for event in some {
+                let world = Event {
+                    wedge: event.wedge.transformed(&object.to_world),
+                    ..*event
+                };
+                cast_event(&world, &list, &mut self.casting, &mut edges);
             }
+        }
+        if events.edges + edges.len() > MOST_EDGES {
+            tracing::warn!(
+                "object {blocker} throws more than {MOST_EDGES} shadow edges: the others are left out"
+            );
+            last = true;
+        }
+        let cast = Cast::new(edges, some.len());
+        events.next = to;
+        events.edges += cast.edges.len();
+        Answer::Part {
+            pair: *pair,
+            version: *version,
+            cast,
+            last,
         }
     }
 }
