@@ -163,8 +163,7 @@ fn dielectric(m: &Material<'_>) -> [f32; 3] {
 }
 
 fn unit(x: f32) -> f32 {
-    // A NaN becomes 0.
-    x.max(0.0).min(1.0)
+    if x.is_nan() { 0.0 } else { x.clamp(0.0, 1.0) }
 }
 
 /// Where a texture's picture is; `None` where the file names none.
