@@ -7,6 +7,7 @@
 
 mod bad_input;
 mod edits;
+mod independent;
 mod lockstep;
 mod no_display;
 mod python;
