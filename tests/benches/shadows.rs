@@ -114,7 +114,7 @@ fn shadows(criterion: &mut Criterion) {
     let view = view(&loaded);
     let pixels = PixelSamples::new(Grid::new(SIZE_PX as usize, SIZE_PX as usize));
     let mut stage = EdgeStage::new(scene, choices, pixels.grid);
-    let mut find = |stage: &mut EdgeStage| {
+    let find = |stage: &mut EdgeStage| {
         stage.find(&view, &scene.lights, &pixels, &mut StageMs::default());
     };
     find(&mut stage);

@@ -163,7 +163,8 @@ fn dielectric(m: &Material<'_>) -> [f32; 3] {
 }
 
 fn unit(x: f32) -> f32 {
-    if x.is_nan() { 0.0 } else { x.clamp(0.0, 1.0) }
+    // A NaN becomes 0, which clamping would keep.
+    if x > 0.0 { x.min(1.0) } else { 0.0 }
 }
 
 /// Where a texture's picture is; `None` where the file names none.
