@@ -43,6 +43,8 @@ pub struct PointCache {
     /// Whether a pixel kept the point in the last frame, and for how many more frames in sight nothing is taken to hide it.
     sight: Vec<u8>,
     free: Vec<u32>,
+    /// No slot from here on was ever used.
+    reach: usize,
     hand: usize,
     used: usize,
     evicted: u64,
@@ -66,6 +68,7 @@ impl PointCache {
             age: vec![0; capacity],
             sight: vec![0; capacity],
             free: (0..capacity as u32).rev().collect(),
+            reach: 0,
             hand: 0,
             used: 0,
             evicted: 0,
@@ -80,6 +83,11 @@ impl PointCache {
     /// Slots in use.
     pub fn len(&self) -> usize {
         self.used
+    }
+
+    /// Slots that may be in use are those before this one.
+    pub fn reach(&self) -> usize {
+        self.reach
     }
 
     /// Whether no slot is in use.
@@ -142,6 +150,7 @@ impl PointCache {
     fn take_slot(&mut self) -> Option<u32> {
         if let Some(slot) = self.free.pop() {
             self.used += 1;
+            self.reach = self.reach.max(slot as usize + 1);
             return Some(slot);
         }
         // A clock hand finds the oldest among the next few slots: O(1), and never the same slot twice in a row.
@@ -157,7 +166,7 @@ impl PointCache {
     /// Forgets which points were seen. Those that were are trusted for a frame less, the others no more: what hides a point
     /// may have come between.
     pub fn start_frame(&mut self) {
-        for sight in &mut self.sight {
+        for sight in &mut self.sight[..self.reach] {
             *sight = if *sight & SEEN == 0 {
                 0
             } else {
@@ -207,7 +216,7 @@ impl PointCache {
         if step == 0 {
             return;
         }
-        for (age, &sight) in self.age.iter_mut().zip(&self.sight) {
+        for (age, &sight) in self.age[..self.reach].iter_mut().zip(&self.sight) {
             let unseen = if sight & SEEN == 0 { step } else { 0 };
             *age = age.saturating_add(step).saturating_add(unseen);
         }
@@ -276,7 +285,7 @@ mod tests {
         cache.insert(&sample(1), None).unwrap();
         cache.remove(a);
         cache.remove(a);
-        assert_eq!(cache.len(), 1);
+        assert_eq!((cache.len(), cache.reach()), (1, 2));
         assert_eq!(cache.insert(&sample(2), None), Some(a));
         cache.start_frame();
         cache.keep(0);

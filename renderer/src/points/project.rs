@@ -47,6 +47,16 @@ impl Default for Projected {
 pub struct Nearest {
     keys: Vec<u64>,
     batch: Projected,
+    row: Row,
+}
+
+/// Points that the pixels of a row keep.
+#[derive(Clone, Debug, Default)]
+struct Row {
+    /// Indices of elements of [`PixelSamples`].
+    at: Vec<u32>,
+    slots: Vec<u32>,
+    rgb: Vec<[f32; 3]>,
 }
 
 /// How depth, point and place share 64 bits: the nearer key is the smaller one, of equally near ones that of the lower slot.
@@ -99,7 +109,7 @@ pub fn project(
 ) {
     let grid = pixels.grid;
     debug_assert!(grid.width == view.width as usize && grid.height == view.height as usize);
-    let Nearest { keys, batch } = nearest;
+    let Nearest { keys, batch, row } = nearest;
     keys.clear();
     keys.resize(grid.height * grid.stride, u64::MAX);
     let layout = KeyLayout::new(cache.capacity());
@@ -109,31 +119,60 @@ pub fn project(
         let cell = &mut keys[(y >> PLACE_BITS) as usize * grid.stride + (x >> PLACE_BITS) as usize];
         *cell = key.min(*cell);
     });
-    for row in 0..grid.height {
-        for word in 0..grid.words {
-            let first = grid.at(word * 64, row);
-            let keys = &keys[row * grid.stride + word * 64..][..64];
-            pixels.depth[first..first + 64].fill(f32::INFINITY);
-            pixels.point[first..first + 64].fill(NO_POINT);
+    for (y, keys) in keys.chunks_exact(grid.stride).enumerate() {
+        row.place(layout, keys, y, pixels);
+        row.colour(cache, pixels);
+    }
+}
+
+impl Row {
+    /// Puts the places of what is left in a row into its pixels.
+    fn place(&mut self, layout: KeyLayout, keys: &[u64], y: usize, pixels: &mut PixelSamples) {
+        let grid = pixels.grid;
+        for list in [&mut self.at, &mut self.slots] {
+            list.clear();
+            list.reserve(grid.stride);
+        }
+        let all = grid.at(0, y)..grid.at(grid.stride, y);
+        pixels.depth[all.clone()].fill(f32::INFINITY);
+        pixels.point[all.clone()].fill(NO_POINT);
+        pixels.count[all].fill(1.0);
+        for (word, keys) in keys.chunks_exact(64).enumerate() {
             let held = |(k, &key): (usize, &u64)| u64::from(key != u64::MAX) << k;
             let bits = keys.iter().enumerate().map(held).fold(0, |a, b| a | b);
-            let (mut left, mut doubtful) = (bits, 0u64);
+            pixels.has[y * grid.words + word] = bits;
+            pixels.doubtful[y * grid.words + word] = 0;
+            let mut left = bits;
             while left != 0 {
                 let k = left.trailing_zeros() as usize;
                 left &= left - 1;
-                let at = first + k;
+                let at = grid.at(word * 64 + k, y);
                 let (depth, slot, place) = layout.unpack(keys[k]);
-                doubtful |= u64::from(cache.keep(slot)) << k;
                 pixels.depth[at] = depth;
                 pixels.point[at] = slot as u32;
                 [pixels.x[at], pixels.y[at]] = place;
-                pixels.count[at] = 1.0;
-                for (plane, value) in pixels.rgb.iter_mut().zip(cache.rgb[slot]) {
-                    plane[at] = value;
-                }
+                self.at.push(at as u32);
+                self.slots.push(slot as u32);
             }
-            pixels.has[row * grid.words + word] = bits;
-            pixels.doubtful[row * grid.words + word] = doubtful;
+        }
+    }
+
+    /// Gives the row's points their colours and marks them as seen. Slots lie anywhere in memory: short loops let the
+    /// processor wait for many of them at once.
+    fn colour(&mut self, cache: &mut PointCache, pixels: &mut PixelSamples) {
+        let Self { at, slots, rgb } = self;
+        rgb.clear();
+        rgb.reserve(pixels.grid.stride);
+        rgb.extend(slots.iter().map(|&slot| cache.rgb[slot as usize]));
+        let origin = pixels.grid.origin;
+        for (&at, &slot) in at.iter().zip(&*slots) {
+            let pixel = at as usize - origin;
+            pixels.doubtful[pixel / 64] |= u64::from(cache.keep(slot as usize)) << (pixel % 64);
+        }
+        for (plane, channel) in pixels.rgb.iter_mut().zip(0..) {
+            for (&at, rgb) in at.iter().zip(&*rgb) {
+                plane[at as usize] = rgb[channel];
+            }
         }
     }
 }
@@ -147,8 +186,8 @@ pub fn for_each_in_image(
     batch: &mut Projected,
     mut visit: impl FnMut(usize, [u32; 2], u32),
 ) {
-    for first in (0..cache.capacity()).step_by(BATCH) {
-        let last = (first + BATCH).min(cache.capacity());
+    for first in (0..cache.reach()).step_by(BATCH) {
+        let last = (first + BATCH).min(cache.reach());
         dispatch!(level, simd => project_batch(simd, cache, view, first..last, batch));
         // Without a branch: whether a point is in the image is as good as random from slot to slot.
         let mut inside = 0;
