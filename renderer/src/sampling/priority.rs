@@ -51,11 +51,15 @@ pub struct Priorities {
 /// Room beside each row, so that loads a pixel or two away stay inside.
 const MARGIN: usize = 64;
 
-/// The few rows that are in work, so that they stay in the nearest memory.
+/// The few rows that are in work, so that they stay in the nearest memory. All but sums have margins.
 #[derive(Clone, Debug)]
 struct Rows {
-    /// Red, green and blue of the rows above, here and below, row y in place y % 3.
-    encoded: [Vec<f32>; 9],
+    /// Red, green and blue, row y in places 3 (y % 2) and after.
+    encoded: [Vec<f32>; 6],
+    /// Greatest difference of any channel between each pixel and the one to its right.
+    right: Vec<f32>,
+    /// The same with the pixels below, below to the right and below to the left, row y in places 3 (y % 2) and after.
+    below: [Vec<f32>; 6],
     /// Contrast in one row; 0 in the margins.
     contrast: Vec<f32>,
     /// Contrast summed over five pixels of a row, row y in place y % 5; 0 outside the image.
@@ -65,10 +69,12 @@ struct Rows {
 impl Priorities {
     /// Room for an image of this layout.
     pub fn new(grid: Grid) -> Self {
-        let pitch = grid.stride + 2 * MARGIN;
+        let row = || vec![0.0; grid.stride + 2 * MARGIN];
         let rows = Rows {
-            encoded: std::array::from_fn(|_| vec![0.0; pitch]),
-            contrast: vec![0.0; pitch],
+            encoded: std::array::from_fn(|_| row()),
+            right: row(),
+            below: std::array::from_fn(|_| row()),
+            contrast: row(),
             sums: std::array::from_fn(|_| vec![0.0; grid.stride]),
         };
         Self {
@@ -109,6 +115,7 @@ fn from_contrast<S: Simd, R: Reach>(
             encode_row(simd, inputs.rgb, grid, y + 1, rows);
         }
         if y < grid.height {
+            compare_row(simd, y, y + 1 < grid.height, rows);
             for word in 0..grid.words {
                 contrast_word(simd, inputs, (word, y), rows);
             }
@@ -131,12 +138,44 @@ fn encode_row<S: Simd>(simd: S, rgb: &[Vec<f32>; 3], grid: Grid, y: usize, rows:
     let (zero, one) = (S::f32s::splat(simd, 0.0), S::f32s::splat(simd, 1.0));
     for (c, plane) in rgb.iter().enumerate() {
         let from = &plane[grid.at(0, y)..][..grid.stride];
-        let to = &mut rows.encoded[3 * (y % 3) + c][MARGIN..][..grid.stride];
+        let to = &mut rows.encoded[3 * (y % 2) + c][MARGIN..][..grid.stride];
         for x in (0..grid.stride).step_by(lanes) {
             let v = S::f32s::from_slice(simd, &from[x..x + lanes]);
             let clamped = v.max(zero).min(one).sqrt();
             clamped.store_slice(&mut to[x..x + lanes]);
         }
+    }
+}
+
+/// Compares a row with itself and, if there is one, with the row below.
+#[inline(always)]
+fn compare_row<S: Simd>(simd: S, y: usize, below: bool, rows: &mut Rows) {
+    let (here, next) = (3 * (y % 2), 3 * ((y + 1) % 2));
+    let here_rows = &rows.encoded[here..here + 3];
+    compare(simd, here_rows, here_rows, MARGIN + 1, &mut rows.right);
+    if below {
+        let next_rows = &rows.encoded[next..next + 3];
+        for (k, first) in [MARGIN, MARGIN + 1, MARGIN - 1].into_iter().enumerate() {
+            compare(simd, here_rows, next_rows, first, &mut rows.below[here + k]);
+        }
+    }
+}
+
+/// Greatest difference of any channel between a row and another one, read from element `first` on.
+#[inline(always)]
+fn compare<S: Simd>(simd: S, a: &[Vec<f32>], b: &[Vec<f32>], first: usize, out: &mut [f32]) {
+    let lanes = S::f32s::LEN;
+    let stride = out.len() - 2 * MARGIN;
+    let out = &mut out[MARGIN..MARGIN + stride];
+    let [a0, a1, a2] = [0, 1, 2].map(|c| &a[c][MARGIN..MARGIN + stride]);
+    let [b0, b1, b2] = [0, 1, 2].map(|c| &b[c][first..first + stride]);
+    for x in (0..stride).step_by(lanes) {
+        let to = x + lanes;
+        let red = S::f32s::from_slice(simd, &a0[x..to]) - S::f32s::from_slice(simd, &b0[x..to]);
+        let green = S::f32s::from_slice(simd, &a1[x..to]) - S::f32s::from_slice(simd, &b1[x..to]);
+        let blue = S::f32s::from_slice(simd, &a2[x..to]) - S::f32s::from_slice(simd, &b2[x..to]);
+        let most = red.abs().max(green.abs()).max(blue.abs());
+        most.store_slice(&mut out[x..to]);
     }
 }
 
@@ -170,29 +209,25 @@ fn contrast_word<S: Simd, R: Reach>(
     let lanes = S::f32s::LEN;
     let first = MARGIN + word * 64;
     let zero = S::f32s::splat(simd, 0.0);
-    // The rows above, here and below.
-    let [above, level, below] = [y + 2, y, y + 1].map(|y| 3 * (y % 3));
-    let three = [above, level, below].map(|place| &rows.encoded[place..place + 3]);
+    // What is between a pixel and one above or to its left is stored at that one.
+    let (here, above) = (3 * (y % 2), 3 * ((y + 1) % 2));
+    let steps: [&[f32]; 8] = [
+        &rows.right[first..first + 64],
+        &rows.right[first - 1..first + 63],
+        &rows.below[here][first..first + 64],
+        &rows.below[above][first..first + 64],
+        &rows.below[here + 1][first..first + 64],
+        &rows.below[here + 2][first..first + 64],
+        &rows.below[above + 2][first + 1..first + 65],
+        &rows.below[above + 1][first - 1..first + 63],
+    ];
     let contrast = &mut rows.contrast[first..first + 64];
     for group in (0..64).step_by(lanes) {
-        let here: [S::f32s; 3] = std::array::from_fn(|c| {
-            let at = first + group;
-            S::f32s::from_slice(simd, &three[1][c][at..at + lanes])
-        });
         let mut most = zero;
-        for (mask, &(dx, dy)) in masks.iter().zip(&OFFSETS).skip(1) {
+        for (mask, step) in masks[1..].iter().zip(steps) {
             let bits = mask >> group & ((1u64 << lanes) - 1);
-            if bits == 0 {
-                continue;
-            }
-            let at = (first + group).wrapping_add_signed(dx as isize);
-            let there = three[(dy + 1) as usize];
-            let mut step = zero;
-            for c in 0..3 {
-                let value = S::f32s::from_slice(simd, &there[c][at..at + lanes]);
-                step = step.max((here[c] - value).abs());
-            }
             let counted = S::mask32s::from_bitmask(simd, bits);
+            let step = S::f32s::from_slice(simd, &step[group..group + lanes]);
             most = most.max(counted.select(step, zero));
         }
         most.store_slice(&mut contrast[group..group + lanes]);
@@ -234,6 +269,7 @@ fn finish_row<S: Simd>(simd: S, sums: &[Vec<f32>; 5], weight: &[f32], priority: 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sampling::place::{hash, hash_unit};
 
     /// Every pixel reaches every other but across the line x = 4.
     struct Wall(Grid);
@@ -285,6 +321,84 @@ mod tests {
                 }
             }
             assert!(p.priority[grid.at(6, 3)] > p.priority[grid.at(1, 3)] * 50.0);
+        }
+    }
+
+    /// Pixels reach one another as a hash of where they are says, the same both ways.
+    struct Chance(Grid);
+
+    impl Chance {
+        fn joins(&self, a: [usize; 2], b: [usize; 2]) -> bool {
+            let [a, b] = [a.min(b), a.max(b)].map(|p| (p[1] * self.0.width + p[0]) as u64);
+            hash(a, b) % 4 > 0
+        }
+    }
+
+    impl Reach for Chance {
+        fn reachable(&self, (dx, dy): (i32, i32), word: usize, y: usize) -> u64 {
+            (0..64).fold(0, |bits, k| {
+                let x = word * 64 + k;
+                let to = [
+                    x.wrapping_add_signed(dx as isize),
+                    y.wrapping_add_signed(dy as isize),
+                ];
+                let inside = x < self.0.width && to[0] < self.0.width && to[1] < self.0.height;
+                bits | u64::from(inside && self.joins([x, y], to)) << k
+            })
+        }
+    }
+
+    #[test]
+    fn priorities_are_those_of_looking_at_every_neighbour() {
+        for (width, height) in [(130, 11), (64, 5), (1, 1), (3, 2)] {
+            let grid = Grid::new(width, height);
+            let value = |at: usize, c: u64| 1.4 * hash_unit(c, at as u64) - 0.2;
+            let rgb = [0, 1, 2].map(|c| (0..grid.elements()).map(|at| value(at, c)).collect());
+            let weight: Vec<f32> = (0..grid.elements()).map(|at| value(at, 3).abs()).collect();
+            let complex: Vec<u64> = (0..grid.plane_words())
+                .map(|i| hash(7, i as u64) & hash(8, i as u64) & grid.valid(i % grid.words))
+                .collect();
+            let reach = Chance(grid);
+            let step = |a: [usize; 2], b: [usize; 2]| {
+                let [a, b] = [a, b].map(|p| grid.at(p[0], p[1]));
+                let encoded = |plane: &Vec<f32>, at: usize| plane[at].clamp(0.0, 1.0).sqrt();
+                let steps = rgb.iter().map(|p| (encoded(p, a) - encoded(p, b)).abs());
+                steps.fold(0.0, f32::max)
+            };
+            let around = |x: usize, y: usize, r: usize| {
+                (y.saturating_sub(r)..(y + r + 1).min(height)).flat_map(move |v| {
+                    (x.saturating_sub(r)..(x + r + 1).min(width)).map(move |u| [u, v])
+                })
+            };
+            let contrast = |[x, y]: [usize; 2]| {
+                let (word, bit) = grid.bit(x, y);
+                let all = complex[word] >> bit & 1 == 1;
+                let near = around(x, y, 1).filter(|n| *n != [x, y]);
+                near.filter(|n| all || reach.joins([x, y], *n))
+                    .map(|n| step([x, y], n))
+                    .fold(0.0, f32::max)
+            };
+            let inputs = Inputs {
+                grid,
+                rgb: &rgb,
+                weight: &weight,
+                reach: &reach,
+                complex: &complex,
+            };
+            for level in [Level::new(), Level::baseline()] {
+                let mut p = Priorities::new(grid);
+                p.compute(level, Rule::Contrast, &inputs);
+                for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
+                    let mean = around(x, y, 2).map(contrast).sum::<f32>() / 25.0;
+                    let at = grid.at(x, y);
+                    let wanted = (mean + LEAST_CONTRAST) / (weight[at] + WEIGHT_FLOOR);
+                    let found = p.priority[at];
+                    assert!(
+                        (found / wanted - 1.0).abs() < 1e-5,
+                        "{x} {y}: {found} {wanted}"
+                    );
+                }
+            }
         }
     }
 }
