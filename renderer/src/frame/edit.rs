@@ -17,14 +17,14 @@ use crate::points::pixels::NO_POINT;
 use crate::points::project::for_each_in_image;
 use crate::stats::Stage;
 
-/// What a due point counts for beside a valid one. Nothing at all would leave holes where no new sample is near. Measured on the
-/// grid over the dragon of tubes that jumps, at 2 % a frame: FLIP after 5, 10 and 15 frames 0.289, 0.188, 0.103 at 0.02; 0.228,
-/// 0.092, 0.046 at 0.001; 0.115, 0.052, 0.036 at 0.00001.
-const DUE_COUNT: f32 = 1e-5;
+/// What a due point counts for beside a valid one. Nothing at all would leave holes where no new sample is near. Measured at 2 % a
+/// frame when a light of chains goes out, FLIP after 5, 10 and 15 frames: 0.403, 0.296, 0.185 at 0.02; 0.191, 0.048, 0.017 at 1e-5;
+/// 0.108, 0.020, 0.012 at 1e-8.
+const DUE_COUNT: f32 = 1e-8;
 
 /// Factor of that for each further edit since the point was shaded: of two wrong points the newer one is nearer to what is
 /// right. Measured on objects dragged for 20 frames at 2 % a frame, FLIP at 0.02 for all due points and as it is: grid 0.286,
-/// 0.168; torus 0.050, 0.047; chains 0.0441, 0.0434.
+/// 0.169; torus 0.050, 0.049; chains 0.0441, 0.0436.
 const DUE_AGAIN: f32 = 0.01;
 
 /// Factor of a due pixel's priority. Measured on a dragged link of chains at 2 % a frame: FLIP after 30 frames 0.050
