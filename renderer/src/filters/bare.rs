@@ -1,7 +1,6 @@
 //! Colours for pixels that found no sample near enough.
 
-use super::diffuse::Neighbours;
-use super::interpolate::Interpolated;
+use super::interpolate::{Interpolated, Neighbours};
 use crate::epi::grid::Grid;
 use crate::points::PixelSamples;
 

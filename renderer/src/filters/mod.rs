@@ -2,11 +2,12 @@
 
 pub mod antialias;
 mod bare;
+mod blocks;
 pub mod complex;
-pub mod diffuse;
-pub mod grow;
+mod fit;
+mod grow;
 pub mod interpolate;
-pub mod open;
+mod records;
 pub mod settle;
-pub mod spread;
 pub mod taps;
+mod window;

@@ -20,10 +20,8 @@ use crate::epi::reach::ReachMap;
 use crate::epi::{Epi, SamplePlaces};
 use crate::filters::antialias::{self, Antialias};
 use crate::filters::complex::{self, ComplexFilter};
-use crate::filters::diffuse::Neighbours;
-use crate::filters::interpolate::{self, Interpolated, interpolate};
+use crate::filters::interpolate::{self, Interpolated, Interpolator, Neighbours};
 use crate::filters::settle::settle;
-use crate::filters::spread::{Care, Spread};
 use crate::points::between::Between;
 use crate::points::cull::{Ask, CullScratch, cull};
 use crate::points::project::{Nearest, Projected, project};
@@ -68,7 +66,7 @@ pub struct Display {
     epi: Epi,
     reach: ReachMap,
     interpolated: Interpolated,
-    spread: Spread,
+    interpolator: Interpolator,
     antialias: Antialias,
     complex: ComplexFilter,
     secondary_known: Vec<u64>,
@@ -126,7 +124,7 @@ impl Display {
             epi: Epi::new(grid.width, grid.height, places),
             reach: ReachMap::new(grid.width, grid.height),
             interpolated: Interpolated::new(grid),
-            spread: Spread::new(grid),
+            interpolator: Interpolator::new(grid),
             antialias: Antialias::default(),
             complex: ComplexFilter::default(),
             secondary_known: vec![0; grid.plane_words()],
@@ -327,21 +325,6 @@ impl Display {
             Interpolation::Paper => interpolate::Method::FixedWeights,
             Interpolation::Linear => interpolate::Method::LinearFit,
         };
-        let inputs = interpolate::Inputs {
-            samples: &self.pixels,
-            has: &self.epi.has_sample,
-            reach: &self.reach,
-            complex: &self.epi.complex,
-            centre_x: &self.epi.centre_px[0],
-            centre_y: &self.epi.centre_px[1],
-        };
-        interpolate(
-            self.level,
-            self.pool.as_ref(),
-            method,
-            &inputs,
-            &mut self.interpolated,
-        );
         let near = Neighbours {
             right: &self.reach.steps.right[0],
             down: &self.reach.steps.down[0],
@@ -349,19 +332,16 @@ impl Display {
             complex: &self.epi.complex,
             has: &self.epi.has_sample,
         };
-        let wanted = (&self.epi.centre_px[0][..], &self.epi.centre_px[1][..]);
-        let care = if self.moving {
-            Care::Membrane
-        } else {
-            Care::Planes
-        };
-        self.spread.fill(
-            (self.level, care),
-            &self.pixels,
+        let inputs = interpolate::Inputs {
+            method,
+            samples: &self.pixels,
             near,
-            wanted,
-            &mut self.interpolated,
-        );
+            centre_x: &self.epi.centre_px[0],
+            centre_y: &self.epi.centre_px[1],
+        };
+        let (level, pool) = (self.level, self.pool.as_ref());
+        self.interpolator
+            .interpolate(level, pool, &inputs, &mut self.interpolated);
         for (to, from) in self.image.iter_mut().zip(&self.interpolated.rgb) {
             to.copy_from_slice(from);
         }

@@ -10,7 +10,7 @@ use crate::epi::reach_tables::relation;
 use crate::epi::testing::{
     Random, any_crossings, config, draw_line, image, places, random_crossings, random_samples,
 };
-use crate::filters::interpolate::{self, Interpolated, Method, interpolate};
+use crate::filters::interpolate::{self, Interpolated, Interpolator, Method, Neighbours};
 
 /// The 6x6 sub-pixels around a pixel as pixels of an image of their own. Quarters of a side become every other eighth.
 fn enlarged(crossings: &Crossings, (x, y): (usize, usize)) -> Crossings {
@@ -278,21 +278,21 @@ fn scene(faces: &Faces, size: usize, share: f64, random: &mut Random) -> Scene {
     let mut reach = ReachMap::new(size, size);
     reach.compute(Level::new(), &epi);
     let mut plain = Interpolated::new(samples.grid);
-    let inputs = interpolate::Inputs {
-        samples: &samples,
-        has: &epi.has_sample,
-        reach: &reach,
+    let near = Neighbours {
+        right: &reach.steps.right[0],
+        down: &reach.steps.down[0],
+        simple: &epi.simple,
         complex: &epi.complex,
+        has: &epi.has_sample,
+    };
+    let inputs = interpolate::Inputs {
+        method: Method::FixedWeights,
+        samples: &samples,
+        near,
         centre_x: &epi.centre_px[0],
         centre_y: &epi.centre_px[1],
     };
-    interpolate(
-        Level::new(),
-        None,
-        Method::FixedWeights,
-        &inputs,
-        &mut plain,
-    );
+    Interpolator::new(samples.grid).interpolate(Level::new(), None, &inputs, &mut plain);
     Scene {
         crossings,
         epi,
