@@ -4,7 +4,7 @@
 //! Elsewhere the window falls into parts that edges separate, and each part's samples serve the block's pixels in it. A
 //! part with too few samples grows beyond the window ([`super::grow`]).
 
-use fearless_simd::prelude::*;
+use fearless_simd::{f32x4, mask32x4, prelude::*};
 use fearless_simd_macros::simd;
 
 use super::fit::{self, BLOCK, Fitted, PIXELS, Places, SOFTENING};
@@ -248,15 +248,14 @@ fn serve<S: Simd>(
     place(inputs, part, &mut worker.places);
     let from = (worker.records.list(), &worker.chosen[..worker.len]);
     let (places, fitted) = (&worker.places, &mut worker.fitted);
-    match inputs.method {
-        Method::LinearFit => {
-            let share = area as f32 / worker.len as f32;
-            let softening = (SOFTENING_SHARE * share).max(SOFTENING);
-            fit::fit(simd, from, places, softening, fitted);
-        }
-        Method::FixedWeights => fit::mean(simd, from, places, fitted),
+    if inputs.method == Method::FixedWeights && worker.len >= ENOUGH as usize {
+        fit::mean(simd, from, places, fitted);
+    } else {
+        let share = area as f32 / worker.len as f32;
+        let softening = (SOFTENING_SHARE * share).max(SOFTENING);
+        fit::fit(simd, from, places, softening, fitted);
     }
-    write(inputs.samples.grid, part, fitted, rows);
+    write(simd, inputs.samples.grid, part, fitted, rows);
 }
 
 /// Where a block's colours are wanted.
@@ -264,7 +263,7 @@ fn serve<S: Simd>(
 fn place(inputs: &Inputs<'_>, part: &Part, places: &mut Places) {
     let (x, y) = part.corner;
     places.corner = [x as f32, y as f32];
-    if !part.edged || inputs.method == Method::FixedWeights {
+    if !part.edged {
         places.offset = [[0.5; PIXELS]; 2];
         return;
     }
@@ -283,27 +282,23 @@ fn place(inputs: &Inputs<'_>, part: &Part, places: &mut Places) {
 
 /// Puts a part's colours into the image.
 #[inline(always)]
-fn write(grid: Grid, part: &Part, fitted: &Fitted, rows: &mut Rows<'_>) {
+fn write<S: Simd>(simd: S, grid: Grid, part: &Part, fitted: &Fitted, rows: &mut Rows<'_>) {
     let (x, y) = part.corner;
     let first = (y - rows.top) * grid.stride + x;
     let [red, green, blue] = &mut rows.rgb;
     let mut planes = [&mut **red, &mut **green, &mut **blue, &mut *rows.weight];
     let [red, green, blue] = &fitted.rgb;
     let values = [red, green, blue, &fitted.weight];
-    if part.pixels == OWN {
-        for row in 0..BLOCK.min(grid.height - y) {
-            let (to, from) = (first + row * grid.stride, row * BLOCK);
-            for (plane, values) in planes.iter_mut().zip(values) {
-                plane[to..to + BLOCK].copy_from_slice(&values[from..from + BLOCK]);
-            }
+    for row in 0..BLOCK.min(grid.height - y) {
+        let (to, from) = (first + row * grid.stride, row * BLOCK);
+        let pixels = part.pixels >> (SIDE * (row + MARGIN) + MARGIN) & ((1 << BLOCK) - 1);
+        let chosen = mask32x4::from_bitmask(simd, pixels);
+        for (plane, values) in planes.iter_mut().zip(values) {
+            let place = &mut plane[to..to + BLOCK];
+            let new = f32x4::from_slice(simd, &values[from..from + BLOCK]);
+            let old = f32x4::from_slice(simd, place);
+            chosen.select(new, old).store_slice(place);
         }
-    } else {
-        for_each_pixel(part.pixels, |row, column| {
-            let (to, from) = (first + row * grid.stride + column, row * BLOCK + column);
-            for (plane, values) in planes.iter_mut().zip(values) {
-                plane[to] = values[from];
-            }
-        });
     }
 }
 

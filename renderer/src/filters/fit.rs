@@ -8,7 +8,8 @@ pub(super) const BLOCK: usize = 4;
 /// Pixels of a block, row by row.
 pub(super) const PIXELS: usize = BLOCK * BLOCK;
 
-/// Added to the fit's variances of places, pixels²: keeps few or collinear samples from tilting it.
+/// Share of 1 pixel² and the mean squared distance that is added to the fit's variances: keeps few, collinear or far
+/// samples from tilting it.
 pub(super) const SLOPE_RIDGE: f32 = 0.001;
 
 /// Added to squared distances where weights need not fit the samples' spacing, pixels².
@@ -168,7 +169,7 @@ pub(super) fn fit<S: Simd>(
         }
         // Slopes by the covariances around the weighted middle, then the value at the pixel's place; all times powers of
         // the weight sum and the determinant, which one division takes out again.
-        let ridge = splat(SLOPE_RIDGE) * (w0 * w0);
+        let ridge = splat(SLOPE_RIDGE) * w0 * (w0 + (wxx + wyy));
         let (xx, yy) = (w0 * wxx - wx * wx + ridge, w0 * wyy - wy * wy + ridge);
         let xy = w0 * wxy - wx * wy;
         let (gx, gy) = (xy * wy - yy * wx, xy * wx - xx * wy);
@@ -189,7 +190,7 @@ pub(super) fn fit<S: Simd>(
     }
 }
 
-/// Weighted mean at each pixel's place of some of the records, at least one, by [`super::interpolate::weight`].
+/// Weighted mean of some of the records, at least one, by [`super::interpolate::weight`] of the distance between pixels.
 #[inline(always)]
 pub(super) fn mean<S: Simd>(
     simd: S,
@@ -199,15 +200,17 @@ pub(super) fn mean<S: Simd>(
 ) {
     let lanes = S::f32s::LEN;
     let splat = |v: f32| S::f32s::splat(simd, v);
+    let one = S::u32s::splat(simd, 0);
     for group in (0..PIXELS).step_by(lanes) {
         let here = group..group + lanes;
-        let [px, py] = wanted.of(simd, here.clone());
+        let column = S::f32s::from_slice(simd, &COLUMNS[here.clone()]) + splat(wanted.corner[0]);
+        let row = S::f32s::from_slice(simd, &ROWS[here.clone()]) + splat(wanted.corner[1]);
         let [mut sum, mut red, mut green, mut blue] = [splat(0.0); 4];
         for &i in chosen {
             let s = &records[i as usize];
-            let (x, y) = (splat(s.place[0]) - px, splat(s.place[1]) - py);
-            let q = splat(SOFTENING) + (x * x + y * y);
-            let w = sharp_weight(simd, q, S::u32s::splat(simd, s.count));
+            let x = splat(s.place[0]).floor() - column;
+            let y = splat(s.place[1]).floor() - row;
+            let w = sharp_weight(simd, splat(SOFTENING) + (x * x + y * y), one);
             sum += w;
             red += w * splat(s.rgb[0]);
             green += w * splat(s.rgb[1]);

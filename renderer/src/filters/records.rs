@@ -1,7 +1,7 @@
 //! The samples of the rows around a strip of blocks, packed row by row, so that a block reads few cache lines.
 
 use super::fit::Record;
-use super::interpolate::{Inputs, Method};
+use super::interpolate::Inputs;
 use super::window::{MARGIN, SIDE, Strip};
 use crate::epi::grid::Grid;
 
@@ -62,7 +62,7 @@ impl Records {
                 let x = word * 64 + bits.trailing_zeros() as usize;
                 bits &= bits - 1;
                 let rgb = rgb.map(|plane| plane[x]);
-                self.list[to] = record(inputs.method, (x, y), [xs[x], ys[x]], counts[x], rgb);
+                self.list[to] = record((x, y), [xs[x], ys[x]], counts[x], rgb);
                 to += 1;
             }
         }
@@ -94,24 +94,14 @@ impl Records {
             let at = samples.grid.at(pixel.0, pixel.1);
             let rgb = samples.rgb.each_ref().map(|plane| plane[at]);
             let place = [samples.x[at], samples.y[at]];
-            *to = record(inputs.method, pixel, place, samples.count[at], rgb);
+            *to = record(pixel, place, samples.count[at], rgb);
         }
         first as u32
     }
 }
 
-/// A pixel's sample as the method sees it; `place` is in the pixel.
+/// A pixel's sample; `place` is in the pixel.
 #[inline(always)]
-fn record(
-    method: Method,
-    (x, y): (usize, usize),
-    place: [f32; 2],
-    count: f32,
-    rgb: [f32; 3],
-) -> Record {
-    let [x, y] = [x as f32, y as f32];
-    match method {
-        Method::LinearFit => Record::new([x + place[0], y + place[1]], count, rgb),
-        Method::FixedWeights => Record::new([x + 0.5, y + 0.5], 1.0, rgb),
-    }
+fn record((x, y): (usize, usize), [px, py]: [f32; 2], count: f32, rgb: [f32; 3]) -> Record {
+    Record::new([x as f32 + px, y as f32 + py], count, rgb)
 }

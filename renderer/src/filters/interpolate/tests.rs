@@ -231,8 +231,10 @@ impl Scene {
                 (0..near.len()).map(|i| weights[i] * f(i)).sum::<f64>() / total
             };
             let (mx, my) = (mean(&|i| places[i][0]), mean(&|i| places[i][1]));
-            let xx = mean(&|i| places[i][0].powi(2)) - mx * mx + 0.001;
-            let yy = mean(&|i| places[i][1].powi(2)) - my * my + 0.001;
+            let far = mean(&|i| places[i][0].powi(2) + places[i][1].powi(2));
+            let ridge = 0.001 * (1.0 + far);
+            let xx = mean(&|i| places[i][0].powi(2)) - mx * mx + ridge;
+            let yy = mean(&|i| places[i][1].powi(2)) - my * my + ridge;
             let xy = mean(&|i| places[i][0] * places[i][1]) - mx * my;
             [0, 1, 2].map(|k| {
                 let colour = |i: usize| f64::from(s.rgb[k][s.grid.at(near[i].0, near[i].1)]);
