@@ -130,6 +130,13 @@ impl Epi {
         Class::new(self.code_at(x, y), self.primary_inner[word] >> bit & 1 != 0)
     }
 
+    /// Whether a corner of a simple pixel, clockwise from the top left, lies in its inner region.
+    pub fn is_inner_corner(&self, (x, y): (usize, usize), corner: usize) -> bool {
+        let (word, bit) = self.grid.bit(x, y);
+        // The top left one never does.
+        corner > 0 && self.inner_corner[corner - 1][word] >> bit & 1 != 0
+    }
+
     /// Makes a simple pixel complex.
     pub(super) fn make_complex(&mut self, x: usize, y: usize) {
         let ((word, bit), at) = (self.grid.bit(x, y), self.grid.at(x, y));

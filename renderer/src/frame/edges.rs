@@ -351,19 +351,19 @@ const HIDES: f32 = 1e-3;
 /// Points at infinity are at least this deep, metres; nothing else is.
 const INFINITELY_FAR: f32 = FAR_DEPTH * 1e-6;
 
-/// Whether nothing hides a point from the eye. The pixel knows where it is: looking it up in the cache would cost more
-/// than half of the ray.
-pub(super) fn sees(world: &World, view: &View, point: &Suspect) -> bool {
+/// How deep the surface is that hides a point from the eye, metres; nothing if none does. The pixel knows where the point is:
+/// looking it up in the cache would cost more than half of the ray.
+pub(super) fn front(world: &World, view: &View, point: &Suspect) -> Option<f32> {
     let [x, y] = point.image_px;
-    let direction = view.direction(x, y);
     let ray = Ray {
         origin: view.eye,
-        direction,
+        direction: view.direction(x, y),
     };
     let limit = if point.depth < INFINITELY_FAR {
         point.depth * (1.0 - HIDES)
     } else {
         f32::INFINITY
     };
-    world.occluder(&ray, limit).is_none()
+    // The direction is one deep.
+    world.closest(&ray, limit).map(|hit| hit.t)
 }

@@ -23,7 +23,7 @@ use crate::filters::complex::{self, ComplexFilter};
 use crate::filters::interpolate::{self, Interpolated, Interpolator, Neighbours};
 use crate::filters::settle::settle;
 use crate::points::between::Between;
-use crate::points::cull::{Ask, CullScratch, cull};
+use crate::points::cull::{Suspect, cull, cull_by_depth};
 use crate::points::project::{Nearest, Projected, project};
 use crate::points::still::Mean;
 use crate::points::{Due, PixelSamples, PointCache, Still};
@@ -73,7 +73,6 @@ pub struct Display {
     secondary: [Vec<f32>; 3],
     image: [Vec<f32>; 3],
     ageing: f32,
-    culling: CullScratch,
     between: Between,
     priorities: Priorities,
     chooser: Chooser,
@@ -131,7 +130,6 @@ impl Display {
             secondary: [plane(), plane(), plane()],
             image: [plane(), plane(), plane()],
             ageing: 0.0,
-            culling: CullScratch::new(grid),
             between: Between::new(grid),
             priorities: Priorities::new(grid),
             chooser: Chooser::default(),
@@ -248,50 +246,30 @@ impl Display {
     }
 
     fn cull_points(&mut self, view: &View, edges_known: bool) {
-        if edges_known && self.choices.point_culling == PointCulling::Rays {
-            self.tell_by_edges();
+        let epi = edges_known.then_some(&self.epi);
+        let (pixels, between) = (&mut self.pixels, &mut self.between);
+        if self.choices.point_culling != PointCulling::None {
+            between.find(self.level, pixels, epi, view.focal_px);
         }
-        let (world, cache) = (self.edges.world(), &mut self.cache);
-        let (level, pixels, scratch) = (self.level, &mut self.pixels, &mut self.culling);
-        match self.choices.point_culling {
-            PointCulling::None => {}
-            PointCulling::Depth => cull(level, Ask::Behind, pixels, scratch, |_| false),
-            PointCulling::Rays => {
-                cull(level, Ask::BehindOrDoubtful, pixels, scratch, |suspect| {
-                    let visible = world.is_none_or(|w| edges::sees(w, view, &suspect));
-                    if visible {
-                        cache.trust(suspect.point);
-                    } else {
-                        cache.hide(suspect.point);
-                    }
-                    visible
-                });
+        match (self.choices.point_culling, self.edges.world()) {
+            (PointCulling::Depth, _) => cull_by_depth(pixels, between),
+            (PointCulling::Rays, Some(world)) => {
+                let front = |point: &Suspect| edges::front(world, view, point);
+                cull(
+                    pixels,
+                    between,
+                    &mut self.cache,
+                    (epi, view.focal_px),
+                    front,
+                );
             }
+            (PointCulling::None | PointCulling::Rays, _) => {}
         }
         // A point is 128 old on average when a new one takes its place (Render Cache 2002).
         self.ageing += 128.0 * self.samples_new as f32 / self.cache.capacity() as f32;
         let step = self.ageing.floor().min(255.0);
         self.ageing -= step;
         self.cache.grow_older(step as u8);
-    }
-
-    /// Takes away the points that the frame's edges and their neighbours show to be hidden.
-    fn tell_by_edges(&mut self) {
-        let (grid, edges) = (self.grid, [&self.epi.simple[..], &self.epi.complex[..]]);
-        self.between.find(self.level, &self.pixels, edges);
-        let Self {
-            between,
-            pixels,
-            cache,
-            ..
-        } = self;
-        for_each_bit(grid, &between.hidden, |x, y| {
-            cache.hide(pixels.point[grid.at(x, y)]);
-            pixels.remove(x, y);
-        });
-        for (doubtful, hidden) in pixels.doubtful.iter_mut().zip(&between.hidden) {
-            *doubtful &= !hidden;
-        }
     }
 
     /// Puts the means of a still camera into their pixels, and settles primary regions and their middles.

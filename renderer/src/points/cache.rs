@@ -12,6 +12,15 @@ const SPREAD: u32 = 5;
 /// Bit of [`PointCache::sight`]: a pixel kept the point in the last frame.
 const SEEN: u8 = 0x80;
 
+/// Bits of [`PointCache::sight`]: how often in a row neighbours vouched for the point.
+const VOUCHED: u8 = 0x70;
+
+/// One of them.
+const VOUCHED_ONCE: u8 = 0x10;
+
+/// Bits of [`PointCache::sight`]: for how many more frames in sight nothing is taken to hide the point.
+const FRAMES: u8 = 0x0f;
+
 /// Age that a point gains whenever a nearer surface is found to hide it.
 const HIDDEN_AGE: u8 = 24;
 
@@ -40,7 +49,7 @@ pub struct PointCache {
     pub info: Vec<PointInfo>,
     /// Grows each frame from 0 (new) to 255 (the next to be evicted).
     pub age: Vec<u8>,
-    /// Whether a pixel kept the point in the last frame, and for how many more frames in sight nothing is taken to hide it.
+    /// What is known of whether the point is hidden: see [`SEEN`], [`VOUCHED`] and [`FRAMES`].
     sight: Vec<u8>,
     free: Vec<u32>,
     /// No slot from here on was ever used.
@@ -167,10 +176,11 @@ impl PointCache {
     /// may have come between.
     pub fn start_frame(&mut self) {
         for sight in &mut self.sight[..self.reach] {
+            let trusted = u8::from(*sight & FRAMES != 0);
             *sight = if *sight & SEEN == 0 {
                 0
             } else {
-                (*sight & !SEEN).saturating_sub(1)
+                (*sight & !SEEN) - trusted
             };
         }
     }
@@ -179,7 +189,7 @@ impl PointCache {
     #[inline]
     pub fn keep(&mut self, slot: usize) -> bool {
         let sight = &mut self.sight[slot];
-        let doubtful = *sight == 0;
+        let doubtful = *sight & FRAMES == 0;
         *sight |= SEEN;
         doubtful
     }
@@ -192,7 +202,18 @@ impl PointCache {
     /// Says that nothing hides a point now.
     pub fn trust(&mut self, slot: u32) {
         let sight = &mut self.sight[slot as usize];
-        *sight = (*sight & SEEN) | (TRUSTED + (slot % SPREAD) as u8);
+        *sight = (*sight & SEEN) | trusted_for(slot);
+    }
+
+    /// Says that a point lies among others that nothing hides. True if that is enough to trust it: after a few times in a row
+    /// it is not.
+    pub fn vouch(&mut self, slot: u32) -> bool {
+        let sight = &mut self.sight[slot as usize];
+        if *sight & VOUCHED == VOUCHED {
+            return false;
+        }
+        *sight = (*sight & (SEEN | VOUCHED)) + VOUCHED_ONCE + trusted_for(slot);
+        true
     }
 
     /// Says that it is not known any more whether something hides a point.
@@ -221,6 +242,10 @@ impl PointCache {
             *age = age.saturating_add(step).saturating_add(unseen);
         }
     }
+}
+
+fn trusted_for(slot: u32) -> u8 {
+    TRUSTED + (slot % SPREAD) as u8
 }
 
 #[cfg(test)]
@@ -269,6 +294,12 @@ mod tests {
             assert_eq!(frames, u32::from(TRUSTED) - 1);
             cache.trust(0);
         }
+        let vouched = (0..100).take_while(|_| cache.vouch(0)).count();
+        assert_eq!(vouched, usize::from(VOUCHED / VOUCHED_ONCE));
+        cache.start_frame();
+        assert!(!cache.keep(0) && !cache.vouch(0));
+        cache.trust(0);
+        assert!(cache.vouch(0) && cache.is_seen(0));
         let mut hidden = 0;
         while !cache.is_empty() {
             cache.hide(0);

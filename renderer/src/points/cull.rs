@@ -1,23 +1,11 @@
 //! Rejecting points that are seen through gaps in a nearer surface.
 
-use fearless_simd::{Level, dispatch, prelude::*};
-use fearless_simd_macros::simd;
+use super::around::Verdict;
+use super::between::Between;
+use super::{PixelSamples, PointCache};
+use crate::epi::Epi;
 
-use super::PixelSamples;
-use crate::epi::grid::Grid;
-
-/// How far behind the mean depth of its 3x3 neighbours a point may lie, as a share of that depth, before it is suspected.
-pub const TOLERANCE: f32 = 0.03;
-
-/// Scratch of [`cull`].
-#[derive(Clone, Debug)]
-pub struct CullScratch {
-    /// One over depth, 0 where no point is.
-    inverse: Vec<f32>,
-    suspects: Vec<u64>,
-}
-
-/// A point that [`cull`] asks about.
+/// A point that may be hidden.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Suspect {
     /// Its slot in the cache.
@@ -28,124 +16,174 @@ pub struct Suspect {
     pub depth: f32,
 }
 
-impl CullScratch {
-    /// Room for an image of this layout.
-    pub fn new(grid: Grid) -> Self {
-        Self {
-            inverse: vec![0.0; grid.elements()],
-            suspects: vec![0; grid.plane_words()],
-        }
+/// Takes away the points that are well behind their neighbours: the Render Cache's own way (2002, "Depth cull"), which loses
+/// those of surfaces beside nearer ones, too.
+pub fn cull_by_depth(pixels: &mut PixelSamples, between: &Between) {
+    for (has, behind) in pixels.has.iter_mut().zip(&between.suspects) {
+        *has &= !behind;
     }
 }
 
-/// Which points [`cull`] asks about.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Ask {
-    /// Those well behind the mean depth of their neighbours (Render Cache 2002, "Depth cull").
-    Behind,
-    /// Those, and all that are [doubtful](PixelSamples::doubtful): where points are sparse a hidden one may have no nearer
-    /// neighbour to give it away.
-    BehindOrDoubtful,
-}
-
-/// Calls `keep` for the points that may be hidden and takes away those for which it says no. A point at a silhouette is
-/// legitimately behind its neighbours, so `keep` can ask the scene; the Render Cache itself always says no.
+/// Takes away the points that are hidden, and has the cache note what became of those that were unsure: it trusts visible ones
+/// for a while, hidden ones grow old. `between` has looked at these pixels; `epi` has the frame's edges, where they are known,
+/// and `focal_px` is the view's. Where neighbours do not know, `front` says how deep the surface is that hides a point, if one
+/// does, metres; what it says helps with the neighbours.
 pub fn cull(
-    level: Level,
-    ask: Ask,
     pixels: &mut PixelSamples,
-    scratch: &mut CullScratch,
-    mut keep: impl FnMut(Suspect) -> bool,
+    between: &mut Between,
+    cache: &mut PointCache,
+    (epi, focal_px): (Option<&Epi>, f32),
+    mut front: impl FnMut(&Suspect) -> Option<f32>,
 ) {
-    let grid = pixels.grid;
-    dispatch!(level, simd => find_suspects(simd, pixels, scratch));
-    for y in 0..grid.height {
-        for word in 0..grid.words {
-            let i = y * grid.words + word;
-            let mut left = scratch.suspects[i];
-            if ask == Ask::BehindOrDoubtful {
-                left |= pixels.doubtful[i];
-            }
-            while left != 0 {
-                let x = word * 64 + left.trailing_zeros() as usize;
-                left &= left - 1;
-                let at = grid.at(x, y);
-                let suspect = Suspect {
-                    point: pixels.point[at],
-                    image_px: [x as f32 + pixels.x[at], y as f32 + pixels.y[at]],
-                    depth: pixels.depth[at],
-                };
-                if !keep(suspect) {
-                    pixels.remove(x, y);
+    let (grid, px) = (pixels.grid, 1.0 / focal_px);
+    for word in 0..grid.plane_words() {
+        let (y, first) = (word / grid.words, word % grid.words * 64);
+        let mut hidden = between.hidden[word];
+        let (vouched, doubtful) = (between.vouched[word], pixels.doubtful[word]);
+        let mut left = between.unsure[word] & !hidden & !vouched;
+        // Of those that are merely suspected the time of trust goes on.
+        for_each_bit(vouched & doubtful, |bit| {
+            let known = cache.vouch(pixels.point[grid.at(first + bit, y)]);
+            left |= u64::from(!known) << bit;
+        });
+        for_each_bit(left, |bit| {
+            let (x, at) = (first + bit, grid.at(first + bit, y));
+            let (place, depth) = ([pixels.x[at], pixels.y[at]], pixels.depth[at]);
+            let suspect = Suspect {
+                point: pixels.point[at],
+                image_px: [x as f32 + place[0], y as f32 + place[1]],
+                depth,
+            };
+            let verdict = epi.map_or(Verdict::Unknown, |epi| {
+                between.ask(epi, (x, y), place, 1.0 / depth, px)
+            });
+            let seen = match verdict {
+                Verdict::Hidden => false,
+                Verdict::Visible if cache.vouch(suspect.point) => {
+                    between.learn((x, y), 1.0 / depth);
+                    true
                 }
-            }
-        }
+                Verdict::Visible | Verdict::Unknown => {
+                    let before = front(&suspect);
+                    between.learn((x, y), 1.0 / before.unwrap_or(depth));
+                    if before.is_none() {
+                        cache.trust(suspect.point);
+                    }
+                    before.is_none()
+                }
+            };
+            hidden |= u64::from(!seen) << bit;
+        });
+        for_each_bit(hidden, |bit| {
+            cache.hide(pixels.point[grid.at(first + bit, y)]);
+        });
+        pixels.has[word] &= !hidden;
     }
 }
 
-/// Marks points well behind the mean of the up to 8 around them. Inverse depth is linear over a plane in the image, so that
-/// a slanted plane is no suspect.
-#[simd]
-fn find_suspects<S: Simd>(simd: S, pixels: &PixelSamples, scratch: &mut CullScratch) {
-    let (grid, lanes) = (pixels.grid, S::f32s::LEN);
-    let splat = |v: f32| S::f32s::splat(simd, v);
-    let (zero, one) = (splat(0.0), splat(1.0));
-    for (inverse, depth) in scratch.inverse.iter_mut().zip(&pixels.depth) {
-        *inverse = 1.0 / depth;
-    }
-    for y in 0..grid.height {
-        for word in 0..grid.words {
-            let has = pixels.has[y * grid.words + word];
-            let mut found = 0;
-            for group in (0..64).step_by(lanes) {
-                let mine = has >> group & ((1u64 << lanes) - 1);
-                if mine == 0 {
-                    continue;
-                }
-                let at = grid.at(word * 64 + group, y);
-                let load = |i: usize| S::f32s::from_slice(simd, &scratch.inverse[i..i + lanes]);
-                let (mut sum, mut count) = (zero, zero);
-                for row in [at - grid.stride, at, at + grid.stride] {
-                    for column in [row - 1, row, row + 1] {
-                        if column != at {
-                            let inverse = load(column);
-                            sum += inverse;
-                            count += inverse.simd_gt(zero).select(one, zero);
-                        }
-                    }
-                }
-                let behind = sum.simd_gt(count * splat(1.0 + TOLERANCE) * load(at));
-                found |= (behind.to_bitmask() & mine) << group;
-            }
-            scratch.suspects[y * grid.words + word] = found;
-        }
+fn for_each_bit(mut bits: u64, mut visit: impl FnMut(usize)) {
+    while bits != 0 {
+        visit(bits.trailing_zeros() as usize);
+        bits &= bits - 1;
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use fearless_simd::Level;
+    use protocol::messages::Sample;
+
     use super::*;
-    #[test]
-    fn only_points_behind_their_neighbours_are_asked_about() {
+    use crate::epi::code::Places;
+    use crate::epi::grid::Grid;
+
+    const FOCAL_PX: f32 = 100.0;
+
+    /// A wall at depth 2 in every pixel of a strip but one, where a point at depth 6 shows through; all doubtful or none.
+    fn wall(doubtful: bool) -> (PixelSamples, PointCache) {
         let grid = Grid::new(80, 5);
-        let mut pixels = PixelSamples::new(grid);
-        for y in 0..5 {
-            for x in 0..80 {
-                let at = grid.at(x, y);
-                pixels.depth[at] = 1.0 / (0.5 - 0.004 * x as f32);
-                pixels.point[at] = (y * 80 + x) as u32;
-                pixels.has[grid.bit(x, y).0] |= 1 << grid.bit(x, y).1;
-            }
+        let (mut pixels, mut cache) = (PixelSamples::new(grid), PointCache::new(400));
+        for (x, y) in (0..5).flat_map(|y| (0..80).map(move |x| (x, y))) {
+            let sample = Sample {
+                id: 0,
+                position: [0.0; 3],
+                object: 0,
+                radiance: [0.0; 3],
+                flags: 0,
+            };
+            let (at, (word, bit)) = (grid.at(x, y), grid.bit(x, y));
+            pixels.point[at] = cache.insert(&sample, None).unwrap();
+            pixels.depth[at] = if (x, y) == (70, 2) { 6.0 } else { 2.0 };
+            pixels.has[word] |= 1 << bit;
+            pixels.doubtful[word] |= u64::from(doubtful) << bit;
         }
-        let hole = grid.at(70, 2);
-        pixels.depth[hole] *= 3.0;
+        (pixels, cache)
+    }
+
+    #[test]
+    fn by_depth_alone_goes_what_is_behind_its_neighbours() {
+        let (mut pixels, _) = wall(true);
+        let mut between = Between::new(pixels.grid);
+        between.find(Level::new(), &pixels, None, FOCAL_PX);
+        cull_by_depth(&mut pixels, &between);
+        assert!(!pixels.has_sample(70, 2) && pixels.visible() == 399);
+    }
+
+    #[test]
+    fn without_edges_all_that_is_unsure_is_asked_about() {
+        let (mut pixels, mut cache) = wall(false);
+        let mut between = Between::new(pixels.grid);
+        between.find(Level::new(), &pixels, None, FOCAL_PX);
         let mut asked = Vec::new();
-        let mut scratch = CullScratch::new(grid);
-        cull(Level::new(), Ask::Behind, &mut pixels, &mut scratch, |p| {
-            asked.push((p.point, p.image_px, p.depth));
-            false
-        });
-        assert_eq!(asked, [(2 * 80 + 70, [70.5, 2.5], pixels.depth[hole])]);
-        assert!(!pixels.has_sample(70, 2) && pixels.has_sample(69, 2));
+        cull(
+            &mut pixels,
+            &mut between,
+            &mut cache,
+            (None, FOCAL_PX),
+            |p| {
+                asked.push((p.point, p.image_px, p.depth));
+                Some(2.0)
+            },
+        );
+        assert_eq!(asked, [(2 * 80 + 70, [70.5, 2.5], 6.0)]);
+        assert!(!pixels.has_sample(70, 2) && pixels.visible() == 399);
+        assert!(!cache.is_seen(2 * 80 + 70) && cache.is_seen(2 * 80 + 69));
+
+        let (mut pixels, mut cache) = wall(true);
+        between.find(Level::new(), &pixels, None, FOCAL_PX);
+        let mut asked = 0;
+        cull(
+            &mut pixels,
+            &mut between,
+            &mut cache,
+            (None, FOCAL_PX),
+            |_| {
+                asked += 1;
+                None
+            },
+        );
+        assert_eq!((asked, pixels.visible()), (400, 400));
+    }
+
+    #[test]
+    fn where_no_edge_passes_a_few_answers_do_for_all() {
+        let (mut pixels, mut cache) = wall(true);
+        let none = Epi::new(80, 5, Places::Bits8);
+        let mut between = Between::new(pixels.grid);
+        between.find(Level::new(), &pixels, Some(&none), FOCAL_PX);
+        let mut asked = 0;
+        cull(
+            &mut pixels,
+            &mut between,
+            &mut cache,
+            (Some(&none), FOCAL_PX),
+            |p| {
+                asked += 1;
+                (p.depth > 3.0).then_some(2.0)
+            },
+        );
+        // The rim is two pixels wide at both sides.
+        assert!(asked > 4 * 5 && asked < 4 * 5 + 40, "{asked}");
+        assert!(!pixels.has_sample(70, 2) && pixels.visible() == 399);
     }
 }

@@ -1,5 +1,6 @@
 //! Shaded points: the cache that keeps them, and what of them each pixel sees.
 
+pub mod around;
 pub mod between;
 pub mod cache;
 pub mod cull;
