@@ -250,6 +250,13 @@ impl World {
             .fold(Bounds::EMPTY, |all, i| all.union(i.bounds))
     }
 
+    /// The box around an instance, world space; empty if rays cannot reach it or there is none.
+    #[must_use]
+    pub fn instance_bounds(&self, instance: u32) -> Bounds {
+        let instance = self.instances.get(instance as usize);
+        instance.map_or(Bounds::EMPTY, |i| i.bounds)
+    }
+
     /// The closest hit at a distance of at most `t_max`.
     #[must_use]
     pub fn closest(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
