@@ -34,6 +34,12 @@ impl Pinhole {
         }
     }
 
+    /// Width of a pixel in the middle of the image a metre away, metres.
+    #[must_use]
+    pub fn pixel_slope(&self) -> f64 {
+        2. * self.up.length() / self.height
+    }
+
     /// The ray through a request's place in the image, with a unit direction.
     #[must_use]
     pub fn ray(&self, request: &SampleRequest) -> Ray {

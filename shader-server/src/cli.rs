@@ -13,6 +13,7 @@ use clap::{Parser, ValueEnum};
 use tokio::net::TcpListener;
 
 use crate::{
+    irradiance::Patience,
     server::{ServerConfig, run},
     shadows::ShadowRays,
 };
@@ -41,6 +42,9 @@ struct Args {
     #[arg(long, value_name = "N", default_value_t = ShadowRays::default().strata,
           value_parser = clap::value_parser!(u32).range(1..=32))]
     light_strata: u32,
+    /// Answer no sample before the indirect light that it needs is computed: pictures then do not depend on how fast that goes
+    #[arg(long)]
+    wait_for_records: bool,
     /// Exit when standard input closes, as it does when the parent process ends
     #[arg(long)]
     parent_stdin: bool,
@@ -102,6 +106,11 @@ fn serve(args: &Args) -> anyhow::Result<()> {
         shadows: ShadowRays {
             max_rays: args.shadow_rays,
             strata: args.light_strata,
+        },
+        patience: if args.wait_for_records {
+            Patience::Final
+        } else {
+            Patience::AtOnce
         },
         ..ServerConfig::default()
     };

@@ -7,6 +7,7 @@
 
 pub mod camera;
 mod cli;
+pub mod irradiance;
 pub mod lights;
 pub mod random;
 pub mod server;

@@ -5,12 +5,15 @@ use std::sync::Arc;
 use glam::{Affine3A, DAffine3, DMat3, DVec3, Mat3A, Vec3};
 use protocol::{
     messages::{LightMove, ObjectMove},
-    scene::{Affine, Light, Mesh, Scene, Shading},
+    scene::{Affine, Light, Material, Mesh, Model, Scene, Shading},
 };
 use rayon::prelude::*;
 use rays::{TriangleMesh, World};
 
-use crate::lights::Emitter;
+use crate::{
+    irradiance::{IrradianceCache, Moved, Patience},
+    lights::{Emitter, Receiver},
+};
 
 /// A message refers to something that the scene does not have, or changes what it may not.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -55,6 +58,8 @@ pub struct Stage {
     /// Which light each instance after the objects' is.
     light_of_instance: Vec<u32>,
     world: World,
+    /// For scenes that ask for interreflection alone.
+    irradiance: Option<Arc<IrradianceCache>>,
 }
 
 impl Stage {
@@ -105,7 +110,10 @@ impl Stage {
             }
         }
         let (lights, world) = (lights.clone(), World::new(instances));
+        let irradiance = (scene.shading.model == Model::Global)
+            .then(|| Arc::new(IrradianceCache::new(diagonal_m(&world), Patience::Final)));
         Ok(Self {
+            irradiance,
             scene,
             placements,
             lights,
@@ -121,20 +129,45 @@ impl Stage {
     /// Where the edit names an object or a light that is not there, or changes a light's kind.
     pub fn edited(&self, objects: &[ObjectMove], lights: &[LightMove]) -> Result<Self, StageError> {
         let mut stage = self.clone();
+        let mut moved = Moved::default();
         for change in objects {
             check_index("object", change.object, stage.placements.len())?;
+            let before = stage.world.instance_bounds(change.object);
             let slot = &mut stage.placements[change.object as usize];
             *slot = Placement::new(slot.mesh, slot.material, &change.transform);
             stage
                 .world
                 .set_transform(change.object, affine(&change.transform));
+            let after = stage.world.instance_bounds(change.object);
+            moved.instances.push((change.object, before, after));
         }
         for change in lights {
             check_index("light", change.light, stage.lights.len())?;
             stage.change_light(change)?;
         }
         stage.world.refit();
+        moved.lights = !lights.is_empty();
+        if let Some(cache) = &self.irradiance {
+            let next = cache.after(self, &moved, diagonal_m(&stage.world));
+            stage.irradiance = Some(Arc::new(next));
+        }
         Ok(stage)
+    }
+
+    /// The same scene, with a cache that has or has not the patience to answer for good. Nothing is in it.
+    #[must_use]
+    pub fn with_patience(mut self, patience: Patience) -> Self {
+        if self.irradiance.is_some() {
+            let cache = IrradianceCache::new(diagonal_m(&self.world), patience);
+            self.irradiance = Some(Arc::new(cache));
+        }
+        self
+    }
+
+    /// Indirect irradiance, in scenes that ask for it.
+    #[must_use]
+    pub fn irradiance(&self) -> Option<&IrradianceCache> {
+        self.irradiance.as_deref()
     }
 
     fn change_light(&mut self, change: &LightMove) -> Result<(), StageError> {
@@ -188,6 +221,19 @@ impl Stage {
         self.light_of_instance.get(after).copied()
     }
 
+    /// The corners of an object's face, world space; nothing for lights.
+    #[must_use]
+    pub fn triangle(&self, instance: u32, face: u32) -> Option<[DVec3; 3]> {
+        let placement = self.placements.get(instance as usize)?;
+        let mesh = self.scene.meshes.get(placement.mesh as usize)?;
+        let [i, j, k] = *mesh.faces.get(face as usize)?;
+        let corner = |i: u32| {
+            let position = Vec3::from(*mesh.positions.get(i as usize)?);
+            Some(placement.to_world.transform_point3(position.as_dvec3()))
+        };
+        Some([corner(i)?, corner(j)?, corner(k)?])
+    }
+
     /// The surface at a hit of the world that is not a light's.
     #[must_use]
     pub fn surface(&self, hit: &rays::Hit) -> Option<Surface> {
@@ -207,6 +253,9 @@ impl Stage {
             .get(face)
             .and_then(|corners| interpolated_normal(mesh, corners, weights))
             .unwrap_or(flat);
+        let index = mesh.face_materials.get(face).copied();
+        let material = index.unwrap_or(placement.material) as usize;
+        let material = self.scene.materials.get(material);
         let to_world = |n: DVec3| (placement.normal_to_world * n).normalize_or_zero();
         let extent = [a, b, c]
             .map(|p| {
@@ -221,19 +270,15 @@ impl Stage {
             normal: to_world(smooth),
             face_normal: to_world(flat).as_vec3(),
             clearance: (extent * placement.rounding * f64::from(f32::EPSILON)) as f32,
-            diffuse: self.diffuse(placement, mesh, face, weights),
+            diffuse: material.map_or(Vec3::ZERO, |m| self.diffuse(m, mesh, face, weights)),
+            specular: material
+                .filter(|_| self.scene.shading.model != Model::Direct)
+                .map_or(Vec3::ZERO, |m| Vec3::from(m.specular)),
+            roughness: material.map_or(1., |m| m.roughness),
         })
     }
 
-    fn diffuse(&self, placement: &Placement, mesh: &Mesh, face: usize, weights: [f64; 3]) -> Vec3 {
-        let index = mesh
-            .face_materials
-            .get(face)
-            .copied()
-            .unwrap_or(placement.material);
-        let Some(material) = self.scene.materials.get(index as usize) else {
-            return Vec3::ZERO;
-        };
+    fn diffuse(&self, material: &Material, mesh: &Mesh, face: usize, weights: [f64; 3]) -> Vec3 {
         let map = material
             .diffuse_map
             .and_then(|map| self.scene.textures.get(map as usize));
@@ -266,6 +311,47 @@ pub struct Surface {
     pub clearance: f32,
     /// Diffuse reflectance, linear.
     pub diffuse: Vec3,
+    /// Specular reflectance at normal incidence; zero in scenes that ask for direct light alone.
+    pub specular: Vec3,
+    /// GGX alpha.
+    pub roughness: f32,
+}
+
+impl Surface {
+    /// Share of light reflected in all, as where it is not worth telling how: what the specular part lets through at normal
+    /// incidence is reflected diffusely.
+    #[must_use]
+    pub fn albedo(&self) -> Vec3 {
+        self.specular + self.diffuse * (Vec3::ONE - self.specular)
+    }
+
+    /// The surface as one sees it who looks along `direction`: the shading normal is turned to that side.
+    #[must_use]
+    pub fn seen_along(&self, direction: DVec3, instance: u32, face: u32) -> Receiver {
+        let faces_viewer = self.normal.dot(direction) <= 0.;
+        Receiver {
+            position: self.position,
+            normal: if faces_viewer {
+                self.normal
+            } else {
+                -self.normal
+            },
+            face_normal: self.face_normal,
+            clearance: self.clearance,
+            instance,
+            face,
+        }
+    }
+}
+
+/// Length of the diagonal of all that can be met.
+fn diagonal_m(world: &World) -> f64 {
+    let bounds = world.bounds();
+    if bounds.is_empty() {
+        0.
+    } else {
+        (bounds.max.as_dvec3() - bounds.min.as_dvec3()).length()
+    }
 }
 
 impl Placement {

@@ -6,6 +6,8 @@ pub mod segment;
 use glam::{DVec3, Vec2, Vec3};
 use protocol::scene::Light;
 
+use crate::random::Stream;
+
 /// A point that light falls on.
 #[derive(Clone, Copy, Debug)]
 pub struct Receiver {
@@ -50,6 +52,7 @@ pub struct PolygonShape {
     pub vertices: Vec<DVec3>,
     /// Unit normal of that side; zero if the polygon has no area.
     pub normal: DVec3,
+    area_m2: f64,
     corner: DVec3,
     sides: [DVec3; 2],
     fills: bool,
@@ -111,6 +114,19 @@ impl Emitter {
     }
 }
 
+impl Shape {
+    /// A random place of the light, each piece of it as likely as any other of its size.
+    #[must_use]
+    pub fn somewhere(&self, stream: &mut Stream) -> Option<DVec3> {
+        match self {
+            Self::Point(position) => Some(*position),
+            Self::Segment(from, to) => Some(from.lerp(*to, f64::from(stream.unit()))),
+            // A polygon fills at least half of the square that it is sampled on.
+            Self::Polygon(shape) => (0..32).find_map(|_| shape.at(stream.square())),
+        }
+    }
+}
+
 impl PolygonShape {
     fn new(vertices: Vec<DVec3>, instance: u32) -> Self {
         let first = vertices.first().copied().unwrap_or_default();
@@ -122,6 +138,7 @@ impl PolygonShape {
         let mut shape = Self {
             vertices,
             normal,
+            area_m2: 0.5 * area.length(),
             corner: first,
             sides: [DVec3::ZERO; 2],
             fills: false,
@@ -161,6 +178,12 @@ impl PolygonShape {
                 self.sides = [along * (x1 - x0), across * (y1 - y0)];
             }
         }
+    }
+
+    /// Area, square metres.
+    #[must_use]
+    pub fn area_m2(&self) -> f64 {
+        self.area_m2
     }
 
     /// Whether `point` is on the side that shines.

@@ -6,7 +6,7 @@ use protocol::{
     ToDisplay, ToServer,
     framing::{FrameError, Receiver, Sender, server_side},
     messages::{Digest, FaultCode},
-    scene::{Model, Scene},
+    scene::Scene,
     session::{ServerEvent, ServerSession, Violation},
     transfer::Assembler,
 };
@@ -204,7 +204,7 @@ impl Connection {
         ToDisplay::Welcome {
             version,
             name: concat!("shader-server ", env!("CARGO_PKG_VERSION")).into(),
-            shader: "direct".into(),
+            shader: "direct, glossy, global".into(),
             capabilities: self.shared.capabilities(),
             holds: self.held.iter().map(|(digest, _)| *digest).collect(),
         }
@@ -222,9 +222,11 @@ impl Connection {
     }
 
     async fn build(&self, digest: Digest, assembler: Assembler) -> Result<(), End> {
+        let patience = self.shared.config.patience;
         let built = self.on_pool(move || {
             let scene: Scene = assembler.finish().map_err(|e| Violation::from(&e))?;
             Stage::build(Arc::new(scene))
+                .map(|stage| stage.with_patience(patience))
                 .map_err(|e| Violation::new(FaultCode::Value, e.to_string()))
         });
         let stage = built.await??;
@@ -233,13 +235,6 @@ impl Connection {
     }
 
     fn ready(&self, digest: Digest, stage: Arc<Stage>) {
-        let model = stage.shading().model;
-        if model != Model::Direct {
-            tracing::warn!(
-                "{}: the scene asks for {model:?} shading; only direct light is shaded",
-                self.address
-            );
-        }
         self.shared.cache.touch(digest, &stage);
         self.desk.state().rules.scene_built(stage.scene());
         self.desk.set_stage(stage, 0);

@@ -40,6 +40,7 @@ pub(super) struct State {
     batches: VecDeque<Batch>,
     queued: usize,
     chunks_in_flight: usize,
+    records_in_flight: usize,
     outgoing: VecDeque<ToDisplay>,
     triples_sent: HashSet<Triple>,
     traced: u64,
@@ -84,6 +85,7 @@ impl Desk {
             batches: VecDeque::new(),
             queued: 0,
             chunks_in_flight: 0,
+            records_in_flight: 0,
             outgoing: VecDeque::new(),
             triples_sent: HashSet::new(),
             traced: 0,
@@ -225,17 +227,48 @@ impl Desk {
             }
             Some((_, Err(_))) => {
                 drop(state);
-                let text = "shading failed; this is a defect of the server";
-                self.close(Some(&Violation::new(FaultCode::Internal, text)));
+                self.close(Some(&defect()));
                 return;
             }
             None => {}
         }
+        self.start_records(&mut state);
         self.start_chunks(&mut state);
     }
 
+    /// Gives the pool what samples found missing, beside the samples: each thread takes turns.
+    fn start_records(self: &Arc<Self>, state: &mut State) {
+        let Some((stage, _)) = &state.stage else {
+            return;
+        };
+        let Some(cache) = stage.irradiance() else {
+            return;
+        };
+        let wanted = cache.waiting().min(self.shared.threads);
+        while !state.closing && state.records_in_flight < wanted {
+            state.records_in_flight += 1;
+            let (desk, stage) = (Arc::clone(self), Arc::clone(stage));
+            self.shared.pool.spawn_fifo(move || desk.gather(&stage));
+        }
+    }
+
+    fn gather(self: &Arc<Self>, stage: &Stage) {
+        let gathered = catch_unwind(AssertUnwindSafe(|| {
+            stage.irradiance().is_some_and(|cache| cache.work(stage))
+        }));
+        let mut state = self.state();
+        state.records_in_flight -= 1;
+        if gathered.is_err() {
+            drop(state);
+            self.close(Some(&defect()));
+            return;
+        }
+        self.start_records(&mut state);
+    }
+
     fn trace(&self, chunk: &Chunk) -> Traced {
-        let mut shader = Shader::new(&chunk.stage, &*self.shared.visibility, chunk.seed);
+        let mut shader = Shader::new(&chunk.stage, &*self.shared.visibility, chunk.seed)
+            .with_pixel(chunk.pinhole.pixel_slope());
         let mut samples = Vec::with_capacity(chunk.requests.len());
         for request in &chunk.requests {
             if chunk.view < self.cancelled_before.load(Ordering::Relaxed) {
@@ -249,6 +282,11 @@ impl Desk {
             triples: shader.take_triples(),
         }
     }
+}
+
+fn defect() -> Violation {
+    let text = "shading failed; this is a defect of the server";
+    Violation::new(FaultCode::Internal, text)
 }
 
 impl State {

@@ -16,7 +16,10 @@ use protocol::{
 };
 use tokio::{net::TcpListener, sync::Semaphore, task::JoinSet};
 
-use crate::shadows::{ShadowRays, Visibility};
+use crate::{
+    irradiance::Patience,
+    shadows::{ShadowRays, Visibility},
+};
 use cache::SceneCache;
 
 /// Displays served at once; more wait to be accepted.
@@ -29,6 +32,8 @@ pub struct ServerConfig {
     pub threads: Option<NonZeroUsize>,
     /// How shadow rays are spent.
     pub shadows: ShadowRays,
+    /// Whether samples wait for the irradiance records that they need, in scenes with indirect light.
+    pub patience: Patience,
     /// Requests that each display may have outstanding.
     pub credits: u32,
     /// Largest scene taken, encoded bytes.
@@ -40,6 +45,7 @@ impl Default for ServerConfig {
         Self {
             threads: None,
             shadows: ShadowRays::default(),
+            patience: Patience::AtOnce,
             credits: 1 << 16,
             max_scene_bytes: MAX_SCENE,
         }

@@ -1,12 +1,20 @@
 //! From a ray to a sample.
+//!
+//! Every scene has direct light (`direct`). Where the scene asks for it, glossy reflection (`glossy`) and indirect light
+//! ([`crate::irradiance`]) are added; others pay nothing for them.
+
+mod direct;
+mod glossy;
+mod microfacet;
 
 use glam::Vec3;
 use protocol::{
     limits::clamp_radiance,
     messages::{NO_OBJECT, Sample, Triple, flags},
 };
-use rays::{Ray, Recent};
+use rays::Ray;
 
+use self::glossy::Reflector;
 use crate::{
     lights::{Receiver, Shape},
     random::Stream,
@@ -20,9 +28,14 @@ pub struct Shader<'a> {
     visibility: &'a dyn Visibility,
     seed: u64,
     shadows: Shadows,
+    /// Width of a pixel a metre away, metres.
+    pixel_slope: f64,
     rays: u64,
     triples: Vec<Triple>,
 }
+
+/// Width of a pixel a metre away unless told otherwise: of an image 512 pixels high that spans 45 degrees.
+const PIXEL_SLOPE: f64 = 1.6e-3;
 
 impl<'a> Shader<'a> {
     /// A shader of `stage` whose random numbers come from `seed` and each request's id.
@@ -34,9 +47,17 @@ impl<'a> Shader<'a> {
             visibility,
             seed,
             shadows,
+            pixel_slope: PIXEL_SLOPE,
             rays: 0,
             triples,
         }
+    }
+
+    /// Says how wide a pixel is a metre away, metres: what is interpolated need not be finer than that.
+    #[must_use]
+    pub fn with_pixel(mut self, pixel_slope: f64) -> Self {
+        self.pixel_slope = pixel_slope;
+        self
     }
 
     /// Rays traced so far.
@@ -74,19 +95,32 @@ impl<'a> Shader<'a> {
                 flags: flags::LIGHT,
             };
         }
-        let surface = self.stage.surface(&hit);
-        let radiance = surface.as_ref().map_or(Vec3::ZERO, |surface| {
-            let receiver = receiver(surface, ray, &hit);
-            self.reflected(id, surface, &receiver)
-        });
+        let (position, object) = (ray.at(hit.t), hit.instance);
+        let Some(surface) = self.stage.surface(&hit) else {
+            return Sample {
+                id,
+                position: position.to_array(),
+                object,
+                radiance: [0.; 3],
+                flags: 0,
+            };
+        };
+        let receiver = surface.seen_along(ray.direction.as_dvec3(), hit.instance, hit.face);
+        let reflector = Reflector::new(&surface, &receiver, -ray.direction.as_dvec3());
+        let stream = Stream::new(self.seed, id);
+        let (mut radiance, mut bits) = self.diffuse(&stream, &surface, &receiver, hit.t);
+        if let Some(reflector) = &reflector {
+            // What is reflected specularly is not there to be reflected diffusely.
+            radiance *= Vec3::ONE - reflector.gloss.albedo;
+            radiance += self.specular(reflector, &stream);
+            bits |= flags::VIEW_DEPENDENT;
+        }
         Sample {
             id,
-            position: surface
-                .map_or(ray.at(hit.t), |s| s.position.as_vec3())
-                .to_array(),
-            object: hit.instance,
-            radiance: radiance.to_array(),
-            flags: 0,
+            position: surface.position.as_vec3().to_array(),
+            object,
+            radiance: clamp_radiance(radiance.to_array()),
+            flags: bits,
         }
     }
 
@@ -100,59 +134,26 @@ impl<'a> Shader<'a> {
         }
     }
 
-    fn reflected(&mut self, id: u64, surface: &Surface, receiver: &Receiver) -> Vec3 {
-        let stream = Stream::new(self.seed, id);
-        let mut irradiance = Vec3::ZERO;
-        for (index, emitter) in self.stage.emitters().iter().enumerate() {
-            let unoccluded = emitter.unoccluded(receiver) as f32;
-            if unoccluded <= 0. {
-                continue;
+    /// Radiance that a surface reflects diffusely, and the flags of the sample.
+    fn diffuse(
+        &mut self,
+        stream: &Stream,
+        surface: &Surface,
+        receiver: &Receiver,
+        distance_m: f32,
+    ) -> (Vec3, u32) {
+        let mut bits = 0;
+        let mut irradiance = self.direct(stream, receiver);
+        if let Some(cache) = self.stage.irradiance() {
+            let pixel_m = self.pixel_slope * f64::from(distance_m);
+            let indirect = cache.irradiance(self.stage, receiver, pixel_m);
+            irradiance += indirect.irradiance;
+            if indirect.is_provisional {
+                bits |= flags::PROVISIONAL;
             }
-            let mut stream = stream.part(index as u64);
-            // Which blocker is found must not depend on what was shaded before.
-            self.shadows.recent = Recent::default();
-            let seen = self.visibility.fraction(
-                self.stage,
-                emitter,
-                receiver,
-                &mut stream,
-                &mut self.shadows,
-            );
-            irradiance += emitter.strength * (unoccluded * seen);
-            self.report(index as u32, receiver.instance);
         }
         let ambient = Vec3::from(self.stage.shading().ambient);
         let radiance = surface.diffuse * (irradiance * std::f32::consts::FRAC_1_PI + ambient);
-        clamp_radiance(radiance.to_array()).into()
-    }
-
-    fn report(&mut self, light: u32, receiver: u32) {
-        for blocker in self.shadows.blockers.drain(..) {
-            let triple = Triple {
-                light,
-                blocker,
-                receiver,
-            };
-            if self.stage.light_of(blocker).is_none() && !self.triples.contains(&triple) {
-                self.triples.push(triple);
-            }
-        }
-    }
-}
-
-fn receiver(surface: &Surface, ray: &Ray, hit: &rays::Hit) -> Receiver {
-    let towards_viewer = -ray.direction.as_dvec3();
-    let faces_viewer = surface.normal.dot(towards_viewer) >= 0.;
-    Receiver {
-        position: surface.position,
-        normal: if faces_viewer {
-            surface.normal
-        } else {
-            -surface.normal
-        },
-        face_normal: surface.face_normal,
-        clearance: surface.clearance,
-        instance: hit.instance,
-        face: hit.face,
+        (radiance, bits)
     }
 }

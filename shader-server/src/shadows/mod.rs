@@ -8,10 +8,11 @@ mod shadow_rays;
 
 pub use self::shadow_rays::ShadowRays;
 
+use glam::DVec3;
 use rays::Recent;
 
 use crate::{
-    lights::{Emitter, Receiver},
+    lights::{Emitter, Receiver, Shape},
     random::Stream,
     stage::Stage,
 };
@@ -33,6 +34,33 @@ impl Shadows {
             self.blockers.push(instance);
         }
     }
+}
+
+/// Whether `receiver` sees a random place of `light`, each piece of which is as likely as any other of its size.
+pub(crate) fn sees_somewhere(
+    stage: &Stage,
+    receiver: &Receiver,
+    light: &Emitter,
+    stream: &mut Stream,
+    shadows: &mut Shadows,
+) -> bool {
+    let place = light.shape.somewhere(stream);
+    place.is_some_and(|place| sees_place(stage, receiver, light, place, shadows))
+}
+
+/// Whether `receiver` sees `place`, a place of `light`.
+pub(crate) fn sees_place(
+    stage: &Stage,
+    receiver: &Receiver,
+    light: &Emitter,
+    place: DVec3,
+    shadows: &mut Shadows,
+) -> bool {
+    let instance = match &light.shape {
+        Shape::Polygon(shape) => Some(shape.instance),
+        Shape::Point(_) | Shape::Segment(..) => None,
+    };
+    shadow_rays::sees(stage, receiver, place, instance, shadows)
 }
 
 /// A way to find out how much of a light can be seen.
