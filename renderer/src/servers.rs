@@ -216,6 +216,9 @@ fn sources(args: &ServerArgs) -> Result<Vec<ServerSource>, ServersError> {
         let strata = EVEN_STRATA.to_string();
         own.extend(["--shadow-rays", "1", "--light-strata", &strata].map(OsString::from));
     }
+    if args.shader.is_none() && args.wait_for_records {
+        own.push("--wait-for-records".into());
+    }
     let source = ServerSource::Spawn { program, args: own };
     Ok(vec![source; usize::from(args.shaders)])
 }

@@ -80,14 +80,21 @@ impl Display {
                     Side::Ambiguous => None,
                 }
             });
-            self.still
-                .add((x, y), offset, sample.radiance, region.flatten());
+            if sample.flags & flags::PROVISIONAL != 0 {
+                self.still.add_provisional((x, y), offset, sample.radiance);
+            } else {
+                self.still
+                    .add((x, y), offset, sample.radiance, region.flatten());
+            }
         }
     }
 
     fn insert(&mut self, sample: &Sample, replaced: Option<u32>) -> Option<u32> {
         let slot = self.cache.insert(sample, replaced)?;
         self.due.clear(slot);
+        let eye = self.view.map_or(glam::Vec3::ZERO, |view| view.eye);
+        self.renewal
+            .note(slot, sample.flags, eye, self.cache.capacity());
         Some(slot)
     }
 }

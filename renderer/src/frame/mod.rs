@@ -6,6 +6,7 @@ mod ingest;
 mod placed;
 mod plan;
 mod rebuild;
+mod renew;
 
 use fearless_simd::Level;
 use protocol::messages::Triple;
@@ -25,6 +26,7 @@ use crate::filters::settle::settle;
 use crate::points::between::Between;
 use crate::points::cull::{Suspect, cull, cull_by_depth};
 use crate::points::project::{Nearest, Projected, project};
+use crate::points::renew::Renewal;
 use crate::points::still::Mean;
 use crate::points::{Due, PixelSamples, PointCache, Still};
 use crate::sampling::choose::Chooser;
@@ -60,6 +62,7 @@ pub struct Display {
     epoch: u32,
     late: u64,
     due: Due,
+    renewal: Renewal,
     marks: Vec<u8>,
     revealed: Vec<u64>,
     displaced: bool,
@@ -117,6 +120,7 @@ impl Display {
             epoch: 0,
             late: 0,
             due: Due::new(capacity),
+            renewal: Renewal::new(scene),
             marks: Vec::new(),
             revealed: vec![0; grid.plane_words()],
             displaced: false,
@@ -394,6 +398,7 @@ impl Display {
             complex: &self.epi.complex,
         };
         self.priorities.compute(self.level, rule, &inputs);
+        self.mark_renewals();
         self.raise_due();
     }
 

@@ -7,6 +7,7 @@ pub mod cull;
 pub mod due;
 pub mod pixels;
 pub mod project;
+pub mod renew;
 pub mod still;
 pub mod umbrella;
 

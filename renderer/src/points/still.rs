@@ -92,6 +92,8 @@ pub struct Still {
     touched: Vec<u32>,
     changed: Vec<u32>,
     marked: Vec<u64>,
+    /// Pixels of which there is nothing but a provisional sample.
+    provisional: Vec<u64>,
     samples: u64,
 }
 
@@ -107,6 +109,7 @@ impl Still {
             touched: Vec::new(),
             changed: Vec::new(),
             marked: vec![0; grid.plane_words()],
+            provisional: vec![0; grid.plane_words()],
             samples: 0,
         }
     }
@@ -119,12 +122,25 @@ impl Still {
             self.split_of[pixel as usize] = NO_SPLIT;
         }
         self.splits.clear();
+        self.provisional.fill(0);
         self.samples = 0;
     }
 
     /// Samples taken in since the last [`Still::clear`].
     pub fn samples(&self) -> u64 {
         self.samples
+    }
+
+    /// Takes a provisional sample in, if there is nothing better: it stands for its pixel alone and until the first that is
+    /// for good.
+    pub fn add_provisional(&mut self, (x, y): (usize, usize), place: [f32; 2], rgb: [f32; 3]) {
+        let (word, bit) = self.grid.bit(x, y);
+        let is_first = self.whole(x, y).count == 0.0;
+        if !is_first && self.provisional[word] >> bit & 1 == 0 {
+            return;
+        }
+        self.add((x, y), place, rgb, None);
+        self.provisional[word] |= 1 << bit;
     }
 
     /// Takes a sample in. `side` is its region and the pixel's edge code where the pixel is simple and the region certain.
@@ -137,8 +153,12 @@ impl Still {
     ) {
         let pixel = y * self.grid.width + x;
         self.samples += 1;
+        let (word, bit) = self.grid.bit(x, y);
         if self.whole[pixel].count == 0.0 {
             self.touched.push(pixel as u32);
+        } else if self.provisional[word] >> bit & 1 == 1 {
+            self.whole[pixel] = Mean::default();
+            self.provisional[word] &= !(1 << bit);
         }
         self.whole[pixel].add(rgb, place);
         if let Some((code, region)) = side {
@@ -159,7 +179,6 @@ impl Still {
             }
             split.regions[region].add(rgb, place);
         }
-        let (word, bit) = self.grid.bit(x, y);
         if self.marked[word] >> bit & 1 == 0 {
             self.marked[word] |= 1 << bit;
             self.changed.push(pixel as u32);
@@ -239,6 +258,27 @@ mod tests {
             assert_eq!(even.is_settled(), i >= 3);
             assert_eq!(uneven.is_settled(), i >= 255);
         }
+    }
+
+    #[test]
+    fn provisional_samples_give_way() {
+        let mut still = Still::new(Grid::new(4, 4));
+        for value in [9.0, 8.0] {
+            still.add_provisional((1, 1), [0.5; 2], [value; 3]);
+            assert_eq!(
+                (still.whole(1, 1).count, still.whole(1, 1).rgb),
+                (1.0, [value; 3])
+            );
+        }
+        for value in [0.25, 0.75] {
+            still.add((1, 1), [0.5; 2], [value; 3], None);
+            still.add_provisional((1, 1), [0.5; 2], [7.0; 3]);
+        }
+        assert_eq!(
+            (still.whole(1, 1).count, still.whole(1, 1).rgb),
+            (2.0, [0.5; 3])
+        );
+        assert_eq!(still.touched(), [5]);
     }
 
     #[test]
