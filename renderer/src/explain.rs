@@ -128,7 +128,7 @@ impl Explanation {
         let shading = match self.shading {
             Model::Direct => "direct light: nothing is kept or computed for reflections",
             Model::Glossy => {
-                "direct light and glossy reflection, 9 to 49 reflected rays a glossy sample; \
+                "direct light and glossy reflection, 16 to 81 reflected rays a glossy sample; \
                               what is glossy is asked for again when seen from elsewhere"
             }
             Model::Global => {

@@ -5,19 +5,26 @@ mod picture;
 
 use std::sync::Arc;
 
+use protocol::scene::Model;
 use shader_server::{Stage, shadows::ShadowRays};
 
-/// Renders `folder`'s scene and compares it; the picture and the blocks must agree to these shares of the mean.
-fn compare(folder: &str, scene: &str, reference: &str, spp: u32, mean: f64, block_rms: f64) {
+/// Renders `folder`'s scene by `model` and compares it; the picture and the blocks must agree to these shares of the mean.
+fn compare(
+    (folder, scene, reference): (&str, &str, &str),
+    model: Model,
+    mean: f64,
+    block_rms: f64,
+) {
     let Some(shared) = picture::shared() else {
         println!("skipped: no reference pictures (looked for ../shared and EDGE_POINT_SHARED)");
         return;
     };
     let folder = shared.join("references").join(folder);
-    let loaded = picture::load(&folder.join(scene));
+    let mut loaded = picture::load(&folder.join(scene));
+    loaded.scene.shading.model = model;
     let camera = picture::camera(&loaded.camera);
     let stage = Stage::build(Arc::new(loaded.scene)).expect("the scene is sound");
-    let ours = picture::render(&stage, &camera, spp, &ShadowRays::default());
+    let ours = picture::render(&stage, &camera, 1, &ShadowRays::default());
     let difference = picture::difference(&ours, &picture::load_picture(&folder.join(reference)));
     println!("{}: {difference:#?}", folder.display());
     assert!(difference.relative_mean.abs() < mean, "{difference:?}");
@@ -30,15 +37,40 @@ fn compare(folder: &str, scene: &str, reference: &str, spp: u32, mean: f64, bloc
 // not the offset at which Mitsuba starts shadow rays, which changes the block by 0.03 %.
 #[test]
 fn chains_agree() {
-    compare("chains", "chains.toml", "ref.exr", 1, 0.002, 0.012);
+    compare(
+        ("chains", "chains.toml", "ref.exr"),
+        Model::Direct,
+        0.002,
+        0.012,
+    );
 }
 
 #[test]
 fn rooms_agree() {
-    compare("rooms", "rooms.toml", "ref_direct.exr", 1, 0.003, 0.02);
+    compare(
+        ("rooms", "rooms.toml", "ref_direct.exr"),
+        Model::Direct,
+        0.003,
+        0.02,
+    );
+}
+
+#[test]
+fn rooms_agree_with_four_reflections() {
+    compare(
+        ("rooms", "rooms.toml", "ref.exr"),
+        Model::Global,
+        0.01,
+        0.03,
+    );
 }
 
 #[test]
 fn the_dragon_agrees() {
-    compare("dragon", "dragon.toml", "ref.exr", 1, 0.005, 0.03);
+    compare(
+        ("dragon", "dragon.toml", "ref.exr"),
+        Model::Direct,
+        0.005,
+        0.03,
+    );
 }

@@ -18,8 +18,8 @@ use crate::{
 };
 
 /// Reflected rays along each side of the square that they are stratified in, for the smoothest and the roughest surface.
-const FEWEST: f32 = 3.;
-const MOST: f32 = 7.;
+const FEWEST: f32 = 4.;
+const MOST: f32 = 9.;
 
 /// Places of a light asked for along each side of the square that they are stratified in.
 const PLACES: usize = 4;

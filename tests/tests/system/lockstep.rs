@@ -62,6 +62,21 @@ fn the_display_s_threads_change_nothing() {
 }
 
 #[test]
+fn indirect_light_depends_on_no_server_or_thread() {
+    let (folder, scene) = small_scene();
+    let text = std::fs::read_to_string(&scene).unwrap();
+    let global = text.replace("model = \"direct\"", "model = \"global\"");
+    assert_ne!(global, text, "the scene asks for direct light");
+    std::fs::write(&scene, global).unwrap();
+    let one = render(&scene, &folder.path().join("one"), &[]);
+    let more = ["--shaders", "2", "--shader-threads", "3"];
+    let more = render(&scene, &folder.path().join("more"), &more);
+    assert_same(&one, &more);
+    std::fs::write(&scene, text).unwrap();
+    assert_ne!(one, render(&scene, &folder.path().join("direct"), &[]));
+}
+
+#[test]
 fn another_seed_gives_another_picture() {
     let (folder, scene) = small_scene();
     let first = render(&scene, &folder.path().join("a"), &[]);
