@@ -29,7 +29,7 @@ const STRATA: Strata = Strata {
 const CLOSE: f32 = 0.1;
 
 /// Levels that are tried, two places each: where things are close together the coarsest cells have no site that fits.
-const LEVELS: u8 = 2;
+const LEVELS: u8 = 4;
 
 /// Tells streams of random numbers for different purposes apart.
 const SALT: u64 = 0xFA2;

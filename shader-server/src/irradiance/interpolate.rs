@@ -19,7 +19,7 @@ use crate::{lights::Receiver, random::Stream, stage::Stage};
 const ACCURACY: f64 = 0.3;
 
 /// Spacing of records at least and at most, pixels as wide as they are at the point (Tabellion and Lamorlette 2004).
-const LEAST_PX: f64 = 6.;
+const LEAST_PX: f64 = 4.;
 const MOST_PX: f64 = 64.;
 
 /// Where records do not fit the point, levels so much finer are tried.
@@ -35,7 +35,7 @@ const LEAST_COSINE: f64 = 0.7;
 const OFF_PLANE: f64 = 0.6;
 
 /// A sum of weights that is enough not to look for finer records.
-const ENOUGH: f64 = 0.3;
+const ENOUGH: f64 = 0.8;
 
 /// Height at which the way to a record is looked along, spacings.
 const LIFT: f64 = 0.1;
