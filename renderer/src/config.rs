@@ -118,7 +118,10 @@ impl Switch {
 }
 
 /// Default of [`Choices::shadow_width`].
-const NARROW: f32 = 1.0;
+const NARROW: f32 = 0.5;
+
+/// Default of [`Choices::shadow_steps`].
+const STEPS: f32 = 1.0;
 
 /// The choices.
 #[derive(Args, Clone, Copy, Debug, PartialEq, Serialize)]
@@ -141,6 +144,9 @@ pub struct Choices {
     /// Greatest width of a penumbra on screen whose edge is chosen, mean distances between samples
     #[arg(long, default_value_t = NARROW, value_name = "RATIO")]
     pub shadow_width: f32,
+    /// Least change of the picture that a shadow edge is chosen for, steps of 255; 0 for every one that is narrow
+    #[arg(long, default_value_t = STEPS, value_name = "STEPS")]
+    pub shadow_steps: f32,
     /// How points seen through a nearer surface are told from visible ones
     #[arg(long, value_enum, default_value_t)]
     pub point_culling: PointCulling,
@@ -173,6 +179,7 @@ impl Default for Choices {
             culling: Culling::default(),
             shadow_edges: ShadowEdges::default(),
             shadow_width: NARROW,
+            shadow_steps: STEPS,
             point_culling: PointCulling::default(),
             place_bits: PlaceBits::default(),
             antialias: Switch::default(),

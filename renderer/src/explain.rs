@@ -6,7 +6,7 @@ use protocol::scene::{Light, Model, Scene};
 use serde::Serialize;
 
 use crate::config::{Choices, ShadowEdges};
-use crate::frame::{Display, Effort, WIDEST_PX};
+use crate::frame::{Display, Effort, SPARSEST_PX};
 use crate::shadows::light::ShadowLight;
 use crate::shadows::store::Known;
 use crate::shadows::worth::{Tally, Worth};
@@ -166,8 +166,8 @@ impl Explanation {
             ),
             ShadowEdges::Chosen => writeln!(
                 f,
-                "shadow edges: chosen: penumbrae of at most {:.1} px ({} times the distance between samples, and at most \
-                 {WIDEST_PX} px), light of at least {} step of 255",
+                "shadow edges: chosen: penumbrae of at most {:.1} px ({} times the distance between samples, which counts \
+                 for {SPARSEST_PX} px at most) that can change the picture by at least {} steps of 255 within a pixel's neighbourhood",
                 self.worth.width_px, self.choices.shadow_width, self.worth.steps
             ),
         }
@@ -217,10 +217,17 @@ impl LightFacts {
         if self.model == LightModel::NoEdges {
             return writeln!(f, "  saves: {saves}\n  error: {error}");
         }
-        let Tally { drawn, wide, dim } = self.tally;
+        let Tally {
+            drawn,
+            wide,
+            dim,
+            faint,
+            cut,
+        } = self.tally;
         writeln!(
             f,
-            "  saves: {saves}; of {} edges {drawn} are drawn, {wide} left out as too wide, {dim} as too dim",
+            "  saves: {saves}; of {} edges {drawn} are drawn ({cut} of them in part), {wide} left out as too wide, {dim} as \
+             too dim, {faint} as too faint",
             self.tally.all()
         )?;
         if self.model == LightModel::Middle {

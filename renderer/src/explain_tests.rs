@@ -165,14 +165,21 @@ fn the_text_holds_the_facts() {
     let parts: Vec<&str> = text.split("\nlight ").collect();
     assert_eq!(parts.len(), 5, "{text}");
     for (part, light) in parts[1..].iter().zip(&chosen.lights) {
-        let Tally { drawn, wide, dim } = light.tally;
+        let Tally {
+            drawn,
+            wide,
+            dim,
+            faint,
+            cut,
+        } = light.tally;
         for fact in [
             format!("{} blockers", light.known.blockers),
             format!("{} receivers", light.known.receivers),
             format!("{} events, {} edges", light.known.events, light.known.edges),
-            format!("{drawn} are drawn"),
+            format!("{drawn} are drawn ({cut} of them in part)"),
             format!("{wide} left out as too wide"),
             format!("{dim} as too dim"),
+            format!("{faint} as too faint"),
         ] {
             assert!(part.contains(&fact), "{fact}: {part}");
         }

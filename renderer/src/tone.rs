@@ -35,6 +35,15 @@ pub fn srgb(linear: f32) -> f32 {
     }
 }
 
+/// The linear value that an sRGB-encoded one in [0, 1] stands for.
+pub fn linear(encoded: f32) -> f32 {
+    if encoded <= 12.92 * 0.003_130_8 {
+        encoded / 12.92
+    } else {
+        ((encoded + 0.055) / 1.055).powf(2.4)
+    }
+}
+
 impl Default for ToneMap {
     fn default() -> Self {
         Self::new()

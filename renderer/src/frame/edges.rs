@@ -300,19 +300,16 @@ const AT_REST: RaySettings = RaySettings {
     tolerance: RaySettings::DEFAULT.tolerance,
 };
 
-/// Penumbrae wider than this are never cut, pixels: samples as sparse as that resolve nothing.
-pub const WIDEST_PX: f32 = 8.0;
-
-/// Least change of the picture that a shadow edge is drawn for, steps of the display.
-const STEPS: f32 = 1.0;
+/// Samples that are sparser than this count as no sparser, pixels: they resolve nothing.
+pub const SPARSEST_PX: f32 = 8.0;
 
 /// A barrier pays where the penumbra is narrower than what the samples that there are can resolve.
 fn worth_of(choices: Choices, pixels: &PixelSamples) -> Worth {
     match choices.shadow_edges {
         ShadowEdges::Off | ShadowEdges::All => Worth::ALL,
         ShadowEdges::Chosen => Worth {
-            width_px: (choices.shadow_width * sample_spacing(pixels)).min(WIDEST_PX),
-            steps: STEPS,
+            width_px: choices.shadow_width * sample_spacing(pixels).min(SPARSEST_PX),
+            steps: choices.shadow_steps,
         },
     }
 }

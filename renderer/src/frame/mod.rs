@@ -35,7 +35,7 @@ use crate::sampling::priority::{self, Priorities, Rule};
 use crate::shadows::worth::Tally;
 use crate::stats::{FrameStats, PixelKinds, Stage, StageMs};
 
-pub use edges::{EdgeStage, Effort, WIDEST_PX};
+pub use edges::{EdgeStage, Effort, SPARSEST_PX};
 pub use ingest::Received;
 pub use placed::{Changes, Edit, Placed, Thing};
 pub use plan::Wanted;

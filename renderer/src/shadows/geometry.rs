@@ -29,11 +29,30 @@ impl ShadowMesh {
         self.rings.get_or_init(|| Rings::new(&self.adjacency))
     }
 
+    /// Corners of a face, object space.
+    fn corners(&self, face: u32) -> Option<[DVec3; 3]> {
+        of_face(&self.mesh.faces, &self.mesh.positions, face)
+    }
+
+    /// Shading normals at the corners of a face, object space.
+    fn normals(&self, face: u32) -> Option<[DVec3; 3]> {
+        of_face(&self.mesh.face_normals, &self.mesh.normals, face)
+    }
+
     /// Its faces by where they are.
     pub fn faces(&self) -> &Arc<FaceTree> {
         self.faces
             .get_or_init(|| Arc::new(FaceTree::new(&self.mesh, Arc::clone(&self.adjacency))))
     }
+}
+
+/// What a face's corners have.
+fn of_face(faces: &[[u32; 3]], vectors: &[[f32; 3]], face: u32) -> Option<[DVec3; 3]> {
+    let mut out = [DVec3::ZERO; 3];
+    for (vector, index) in out.iter_mut().zip(faces.get(face as usize)?) {
+        *vector = DVec3::from(vectors.get(*index as usize)?.map(f64::from));
+    }
+    Some(out)
 }
 
 /// An object of the scene.
@@ -48,6 +67,25 @@ pub struct ShadowObject {
 }
 
 impl ShadowObject {
+    /// Corners of a face, world space; all in one place if there is no such face.
+    pub fn corners(&self, face: u32) -> [DVec3; 3] {
+        let corners = self.mesh.corners(face).unwrap_or_default();
+        corners.map(|p| self.to_world.transform_point3(p))
+    }
+
+    /// Unit shading normal at a point of a face, world space, on either side; nothing where the mesh has none.
+    pub fn shading_normal(&self, face: u32, at: DVec3) -> Option<DVec3> {
+        let to_object = self.to_object?;
+        let normals = self.mesh.normals(face)?;
+        let [a, b, c] = self.mesh.corners(face)?;
+        let p = to_object.transform_point3(at);
+        let area = (b - a).cross(c - a);
+        let share = |from: DVec3, to: DVec3| (from - p).cross(to - p).dot(area).max(0.0);
+        let normal = normals[0] * share(b, c) + normals[1] * share(c, a) + normals[2] * share(a, b);
+        // Normals are mapped by the transpose of the inverse.
+        (to_object.matrix3.transpose() * normal).try_normalize()
+    }
+
     /// Puts the object elsewhere.
     pub fn place(&mut self, transform: &Affine) {
         let column = |k: usize| DVec3::from([0, 1, 2].map(|row| f64::from(transform[row][k])));

@@ -60,20 +60,39 @@ pub fn append(
             continue;
         };
         let judge = Judge::new(light, worth);
-        for (edge, ends) in cast.edges.iter().zip(&cast.vertices) {
-            let verdict = judge.judge(view, edge);
+        let ends = 2 * cast.edges.len() as u32;
+        for (i, (edge, numbers)) in cast.edges.iter().zip(&cast.vertices).enumerate() {
+            let (verdict, part) = match cast.grades.get(i) {
+                Some(grade) => judge.judge(view, edge, grade),
+                None => (Verdict::Drawn, [0.0, 1.0]),
+            };
             tally.count(verdict);
             if verdict != Verdict::Drawn {
                 continue;
             }
-            out.from.push(to_view.apply(edge.from));
-            out.to.push(to_view.apply(edge.to));
+            // Where an edge is cut it has an end of its own.
+            let own = vertex + ends + 2 * i as u32;
+            let (mut points, mut numbers) = ([edge.from, edge.to], numbers.map(|v| vertex + v));
+            if part != [0.0, 1.0] {
+                tally.cut += 1;
+                points = part.map(|share| edge.from.lerp(edge.to, f64::from(share)));
+                numbers = [
+                    if part[0] > 0.0 { own } else { numbers[0] },
+                    if part[1] < 1.0 { own + 1 } else { numbers[1] },
+                ];
+            }
+            out.from.push(to_view.apply(points[0]));
+            out.to.push(to_view.apply(points[1]));
             out.kind.push(EdgeKind::Shadow(edge.kind));
             out.object.push(edge.receiver);
             out.second.push(edge.receiver);
             out.faces.push([edge.face, NO_FACE]);
-            out.vertices.push(ends.map(|v| vertex + v));
+            out.vertices.push(numbers);
         }
-        vertex += 2 * cast.edges.len() as u32;
+        vertex += 2 * ends;
     }
 }
+
+#[cfg(test)]
+#[path = "list_tests.rs"]
+mod tests;

@@ -7,6 +7,7 @@ pub mod events;
 pub mod faces;
 mod faces_build;
 pub mod geometry;
+pub mod grade;
 pub mod light;
 pub mod list;
 mod order;

@@ -243,9 +243,8 @@ fn nothing_is_computed_twice_and_an_old_answer_is_not_taken() {
         version: old,
         last: true,
         cast: Cast {
-            edges: Vec::new(),
-            vertices: Vec::new(),
             events: 1_000_000,
+            ..Cast::default()
         },
     };
     let events = |shadows: &Shadows| {

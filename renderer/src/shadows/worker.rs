@@ -11,6 +11,7 @@ use glam::{DVec3, Vec3};
 use super::cast::{CastScratch, Receiver as Casting, ShadowEdge, cast_event};
 use super::events::{Blocker, EventOptions, EventScratch, find_events};
 use super::geometry::ShadowScene;
+use super::grade::{Grade, Grader};
 use super::light::ShadowLight;
 use super::order;
 use super::wedge::Event;
@@ -72,6 +73,8 @@ pub(super) struct PairJob {
 pub struct Cast {
     /// Those on one receiver follow each other.
     pub edges: Vec<ShadowEdge>,
+    /// What each is judged by, if they are of [`Lines::Middle`].
+    pub grades: Vec<Grade>,
     /// Numbers of the ends of each: equal where edges on one receiver meet. Below twice their number.
     pub vertices: Vec<[u32; 2]>,
     /// Events that they come from.
@@ -93,15 +96,31 @@ impl Cast {
         let vertices = edges.iter().map(ends).collect();
         Self {
             edges,
+            grades: Vec::new(),
             vertices,
             events,
         }
+    }
+
+    /// Grades the edges of a light.
+    fn grade(&mut self, scene: &ShadowScene, light: u32) {
+        let light = scene.lights.get(light as usize);
+        let Some(grader) = light.and_then(Grader::new) else {
+            return;
+        };
+        let graded = self.edges.iter().filter_map(|edge| {
+            let receiver = scene.objects.get(edge.receiver as usize)?;
+            Some(grader.grade(edge, receiver))
+        });
+        self.grades = graded.collect();
     }
 
     /// Leaves out the edges on a receiver.
     pub fn forget(&mut self, receiver: u32) {
         let mut kept = self.edges.iter().map(|e| e.receiver != receiver);
         self.vertices.retain(|_| kept.next().unwrap_or(true));
+        let mut kept = self.edges.iter().map(|e| e.receiver != receiver);
+        self.grades.retain(|_| kept.next().unwrap_or(true));
         self.edges.retain(|e| e.receiver != receiver);
     }
 }
@@ -386,7 +405,10 @@ impl Shop {
             );
             last = true;
         }
-        let cast = Cast::new(edges, some.len());
+        let mut cast = Cast::new(edges, some.len());
+        if *lines == Lines::Middle {
+            cast.grade(scene, light);
+        }
         events.next = to;
         events.edges += cast.edges.len();
         Answer::Part {

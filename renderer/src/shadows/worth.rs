@@ -2,16 +2,24 @@
 //!
 //! A barrier keeps samples on its two sides apart. Along a hard shadow that is right; in a wide penumbra it cuts a smooth
 //! ramp into strips with too few samples each, and makes the picture worse. So an edge is drawn only where its penumbra is
-//! narrow on screen, and only if its light can change what the display shows there by a step at all.
+//! narrow on screen, and only if its light can change what the display shows there by a step at all: altogether, and within
+//! the neighbourhood of pixels that lend each other colour. A penumbra may be narrow at one end of an edge, as at a
+//! contact, and wide at the other: then a part of the edge is drawn.
 
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 use protocol::scene::Light;
 use serde::Serialize;
-use smallvec::{SmallVec, smallvec};
 
 use super::cast::ShadowEdge;
+use super::grade::Grade;
 use crate::camera::View;
-use crate::tone::srgb;
+use crate::tone::linear;
+
+/// Side of the neighbourhood whose samples lend a pixel colour (paper section 5.2), pixels.
+const NEIGHBOURHOOD_PX: f32 = 5.0;
+
+/// Ends nearer to the plane of the eye than this share of the other end's depth are cut off before they are judged.
+const NEAR: f32 = 1e-3;
 
 /// What is asked of an edge.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,23 +41,29 @@ impl Worth {
 /// What became of an edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// Drawn.
+    /// Drawn, or a part of it.
     Drawn,
     /// Its penumbra is too wide on screen.
     Wide,
     /// Its light is too weak there.
     Dim,
+    /// Its penumbra is so wide that a pixel's neighbourhood hardly changes across it.
+    Faint,
 }
 
 /// How many edges were drawn and why the others were not.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Tally {
-    /// Drawn.
+    /// Drawn, all of each or a part.
     pub drawn: usize,
     /// Left out for the width of their penumbra.
     pub wide: usize,
     /// Left out since their light changes nothing that the display shows.
     pub dim: usize,
+    /// Left out since it changes nothing that the display shows within a pixel's neighbourhood.
+    pub faint: usize,
+    /// Of those drawn the ones of which a part is left out, for its width.
+    pub cut: usize,
 }
 
 impl Tally {
@@ -59,12 +73,13 @@ impl Tally {
             Verdict::Drawn => self.drawn += 1,
             Verdict::Wide => self.wide += 1,
             Verdict::Dim => self.dim += 1,
+            Verdict::Faint => self.faint += 1,
         }
     }
 
     /// All of them.
     pub fn all(&self) -> usize {
-        self.drawn + self.wide + self.dim
+        self.drawn + self.wide + self.dim + self.faint
     }
 }
 
@@ -74,6 +89,8 @@ impl std::iter::Sum for Tally {
             drawn: a.drawn + b.drawn,
             wide: a.wide + b.wide,
             dim: a.dim + b.dim,
+            faint: a.faint + b.faint,
+            cut: a.cut + b.cut,
         })
     }
 }
@@ -82,183 +99,111 @@ impl std::iter::Sum for Tally {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Judge {
     worth: Worth,
-    /// Middle of the light, world space, metres.
-    middle: Vec3,
-    /// Greatest distance of two of its points, metres.
-    extent: f32,
     /// Greatest radiance, W/(m² sr), of a white surface at 1 m that it lights from straight above.
     white: f32,
+    /// Radiance that over black is as much as an edge must be worth, W/(m² sr): there encoding is steepest.
+    least: f32,
 }
 
 impl Judge {
     /// For the edges of a light.
     pub fn new(light: &Light, worth: Worth) -> Self {
-        let strongest = |rgb: &[f32; 3]| rgb.iter().fold(0.0f32, |a, b| a.max(*b));
-        let (points, intensity): (SmallVec<[Vec3; 8]>, f32) = match light {
-            Light::Point {
-                position,
-                intensity,
-            } => (smallvec![Vec3::from(*position)], strongest(intensity)),
-            Light::Linear {
-                from,
-                to,
-                intensity,
-            } => {
-                let (from, to) = (Vec3::from(*from), Vec3::from(*to));
-                (
-                    smallvec![from, to],
-                    strongest(intensity) * from.distance(to),
-                )
-            }
-            Light::Area { vertices, radiance } => {
-                let points: SmallVec<[Vec3; 8]> = vertices.iter().map(|v| Vec3::from(*v)).collect();
-                let first = points.first().copied().unwrap_or_default();
-                let cross = |w: &[Vec3]| (w[0] - first).cross(w[1] - first);
-                let area = 0.5 * points.windows(2).map(cross).sum::<Vec3>().length();
-                (points, strongest(radiance) * area)
-            }
-        };
-        let middle = points.iter().sum::<Vec3>() / points.len().max(1) as f32;
-        let pairs = points.iter().enumerate();
-        let distances = pairs.flat_map(|(i, a)| points[i + 1..].iter().map(|b| a.distance(*b)));
         Self {
             worth,
-            middle,
-            extent: distances.fold(0.0, f32::max),
-            white: intensity * std::f32::consts::FRAC_1_PI,
+            white: strength(light) * std::f32::consts::FRAC_1_PI,
+            least: linear(worth.steps / 255.0).max(f32::MIN_POSITIVE),
         }
     }
 
-    /// Whether an edge is worth drawing in a view.
-    pub fn judge(&self, view: &View, edge: &ShadowEdge) -> Verdict {
-        let (from, to) = (edge.from.as_vec3(), edge.to.as_vec3());
-        let nearest = (nearest_distance(self.middle, from, to) - 0.5 * self.extent).max(0.0);
-        // The most that the light can add, over black, where encoding is steepest. Against a light it is not a number.
-        let most = self.white / (nearest * nearest);
-        if srgb(most.min(1.0)) * 255.0 < self.worth.steps {
-            return Verdict::Dim;
+    /// Whether an edge is worth drawing in a view, and which part of it, as shares of its length.
+    pub fn judge(&self, view: &View, edge: &ShadowEdge, grade: &Grade) -> (Verdict, [f32; 2]) {
+        const WHOLE: [f32; 2] = [0.0, 1.0];
+        let most = self.white * grade.form;
+        // Against a light it is infinite, or not a number.
+        if most < self.least {
+            return (Verdict::Dim, WHOLE);
         }
-        let middle = 0.5 * (from + to);
-        let depth = view.to_view(middle).z.max(f32::MIN_POSITIVE);
-        let beyond = (0.5 * (edge.t[0] + edge.t[1]) - 1.0).max(0.0) as f32;
-        let width_px = self.extent * beyond * view.focal_px / depth;
-        if width_px > self.worth.width_px {
-            return Verdict::Wide;
+        // Over its whole width the penumbra makes all of the difference, over a neighbourhood a share of it.
+        let wide_px = self.worth.width_px;
+        let limit_px = wide_px.min(NEIGHBOURHOOD_PX * (most / self.least).max(1.0));
+        let over = if limit_px < wide_px {
+            Verdict::Faint
+        } else {
+            Verdict::Wide
+        };
+        match narrow_part(view, edge, grade, limit_px) {
+            Some(part) => (Verdict::Drawn, part),
+            None => (over, WHOLE),
         }
-        Verdict::Drawn
     }
 }
 
-/// Distance of a point from a segment.
-fn nearest_distance(point: Vec3, from: Vec3, to: Vec3) -> f32 {
-    let along = to - from;
-    let share = (point - from).dot(along) / along.length_squared();
-    let share = if share.is_finite() {
-        share.clamp(0.0, 1.0)
-    } else {
-        0.0
+/// Radiant intensity, or what comes to the same far from the light, W/sr.
+fn strength(light: &Light) -> f32 {
+    let strongest = |rgb: &[f32; 3]| rgb.iter().fold(0.0f32, |a, b| a.max(*b));
+    match light {
+        Light::Point { intensity, .. } => strongest(intensity),
+        Light::Linear {
+            from,
+            to,
+            intensity,
+        } => strongest(intensity) * Vec3::from(*from).distance(Vec3::from(*to)),
+        Light::Area { vertices, radiance } => {
+            let at = |v: &[f32; 3]| Vec3::from(*v);
+            let first = vertices.first().map(at).unwrap_or_default();
+            let cross = |w: &[[f32; 3]]| (at(&w[0]) - first).cross(at(&w[1]) - first);
+            let area = 0.5 * vertices.windows(2).map(cross).sum::<Vec3>().length();
+            strongest(radiance) * area
+        }
+    }
+}
+
+/// The part of an edge, as shares of its length, along which its penumbra is at most so wide on screen.
+fn narrow_part(view: &View, edge: &ShadowEdge, grade: &Grade, limit_px: f32) -> Option<[f32; 2]> {
+    let ends = [edge.from, edge.to].map(|p| view.to_view(p.as_vec3()));
+    let depth = ends.map(|p| p.z);
+    let near = NEAR * depth[0].max(depth[1]);
+    let before = part_not_negative([0.0, 1.0], depth.map(|z| z - near))?;
+    let along = (edge.to - edge.from).as_vec3();
+    // Times the depth, what is linear along the edge stays so on screen.
+    let excess = [0, 1].map(|k| {
+        let at = ends[0].lerp(ends[1], before[k]);
+        let width = grade.width[0] + (grade.width[1] - grade.width[0]) * before[k];
+        (limit_px - width * spread_px(view, at, along, grade.across)) * at.z
+    });
+    let [from, to] = part_not_negative([0.0, 1.0], excess)?;
+    let share = |x: f32| before[0] + (before[1] - before[0]) * x;
+    Some([share(from), share(to)])
+}
+
+/// How far apart on screen lines through a point (view space) and a metre beside it are that run along each other, pixels.
+fn spread_px(view: &View, at: Vec3, along: Vec3, across: Vec3) -> f32 {
+    let scale = view.focal_px / at.z;
+    let on_screen = |direction: Vec3| {
+        let [x, y, z] = [view.right, view.up, view.forward].map(|axis| axis.dot(direction));
+        Vec2::new(x - z * at.x / at.z, y - z * at.y / at.z) * scale
     };
-    (from + along * share).distance(point)
+    let (along, across) = (on_screen(along), on_screen(across));
+    let length = along.length();
+    // An edge that is seen end on is a point.
+    if length > 0.0 {
+        along.perp_dot(across).abs() / length
+    } else {
+        across.length()
+    }
+}
+
+/// The part of a stretch along which a linear measure with these values at its ends is not negative.
+fn part_not_negative([from, to]: [f32; 2], [a, b]: [f32; 2]) -> Option<[f32; 2]> {
+    let zero = || from + (to - from) * (a / (a - b)).clamp(0.0, 1.0);
+    match (a >= 0.0, b >= 0.0) {
+        (true, true) => Some([from, to]),
+        (true, false) => Some([from, zero()]),
+        (false, true) => Some([zero(), to]),
+        (false, false) => None,
+    }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::shadows::wedge::EventKind;
-    use protocol::messages::Camera;
-
-    /// 100 px a metre at the origin.
-    fn view() -> View {
-        let half: f32 = 0.5 * 64.0 / 1000.0;
-        View::new(&Camera {
-            eye: [0.0, 0.0, 10.0],
-            target: [0.0; 3],
-            up: [0.0, 1.0, 0.0],
-            fov_y: 2.0 * half.atan().to_degrees(),
-            width: 64,
-            height: 64,
-        })
-    }
-
-    fn edge(from: [f64; 3], to: [f64; 3], t: [f64; 2]) -> ShadowEdge {
-        ShadowEdge {
-            from: from.into(),
-            to: to.into(),
-            s: [0.0, 1.0],
-            t,
-            receiver: 0,
-            face: 0,
-            kind: EventKind::Hard,
-        }
-    }
-
-    const WORTH: Worth = Worth {
-        width_px: 8.0,
-        steps: 1.0,
-    };
-
-    fn area(side: f32, radiance: f32) -> Light {
-        let h = 0.5 * side;
-        let vertices = [[-h, -h], [h, -h], [h, h], [-h, h]].map(|[x, z]| [x, 5.0, z]);
-        Light::Area {
-            vertices: vertices.to_vec(),
-            radiance: [0.0, radiance, 0.0],
-        }
-    }
-
-    #[test]
-    fn wide_penumbrae_are_left_out_and_contacts_are_not() {
-        let (view, ends) = (view(), ([-0.1, 0.0, 0.0], [0.1, 0.0, 0.0]));
-        assert!((view.focal_px - 1000.0).abs() < 0.5);
-        let verdict = |side: f32, t: f64| {
-            let judge = Judge::new(&area(side, 100.0 / (side * side)), WORTH);
-            judge.judge(&view, &edge(ends.0, ends.1, [t, t]))
-        };
-        // A square of side a is 1.414 a across: 100 px a metre times that times t - 1.
-        assert_eq!(verdict(1.0, 1.0), Verdict::Drawn);
-        assert_eq!(verdict(1.0, 1.05), Verdict::Drawn);
-        assert_eq!(verdict(1.0, 1.06), Verdict::Wide);
-        assert_eq!(verdict(0.1, 1.5), Verdict::Drawn);
-        assert_eq!(verdict(0.1, 1.6), Verdict::Wide);
-        let all = Judge::new(&area(4.0, 1.0), Worth::ALL);
-        let wide = edge(ends.0, ends.1, [3.0; 2]);
-        assert_eq!(all.judge(&view, &wide), Verdict::Drawn);
-    }
-
-    #[test]
-    fn what_is_too_dim_is_so_everywhere_on_the_edge() {
-        let view = view();
-        // As much as a white surface needs for a step at 1 m.
-        let step = 1.0 / (255.0 * 12.92);
-        let light = |intensity: f32| Light::Point {
-            position: [0.0; 3],
-            intensity: [intensity * std::f32::consts::PI, 0.0, 0.0],
-        };
-        let long = edge([1.0, -9.0, 0.0], [1.0, 20.0, 0.0], [1.0; 2]);
-        let far = edge([1.0, 9.0, 0.0], [1.0, 20.0, 0.0], [1.0; 2]);
-        let verdict = |intensity: f32, edge: &ShadowEdge| {
-            Judge::new(&light(intensity * step), WORTH).judge(&view, edge)
-        };
-        assert_eq!(verdict(0.99, &long), Verdict::Dim);
-        assert_eq!(verdict(1.01, &long), Verdict::Drawn);
-        assert_eq!(verdict(1.01, &far), Verdict::Dim);
-        assert_eq!(verdict(83.0, &far), Verdict::Drawn);
-        // A light is as near as its nearest corner can be, and lights where it touches.
-        let near = edge([0.0, 4.0, 0.0], [0.0, 4.0, 0.1], [1.0; 2]);
-        let weak = Judge::new(&area(2.0, 1e-9), WORTH);
-        assert_eq!(weak.judge(&view, &near), Verdict::Drawn);
-        let point = edge([0.0; 3], [0.0; 3], [1.0; 2]);
-        assert_eq!(verdict(1e-9, &point), Verdict::Drawn);
-    }
-
-    #[test]
-    fn tallies_add_up() {
-        let mut tally = Tally::default();
-        for verdict in [Verdict::Drawn, Verdict::Wide, Verdict::Dim, Verdict::Dim] {
-            tally.count(verdict);
-        }
-        assert_eq!((tally.drawn, tally.wide, tally.dim), (1, 1, 2));
-        let sum: Tally = [tally, tally].into_iter().sum();
-        assert_eq!((sum.all(), sum.dim), (8, 4));
-    }
-}
+#[path = "worth_tests.rs"]
+mod tests;

@@ -108,7 +108,7 @@ impl Settings {
                 reference_spp: 64,
                 checkpoints: &[5, 10, 25, 50, 100],
                 threshold_checkpoints: &[5, 10, 25],
-                widths: &[50, 100, 150, 200, 300, 400, 600],
+                widths: &[25, 50, 75, 100, 150, 200, 300, 400],
                 move_frames: 20,
                 move_reference_spp: 24,
                 moves: usize::MAX,

@@ -7,6 +7,7 @@ use renderer::edges::clip::SUBPIXELS;
 use renderer::edges::tree::EdgeKind;
 use renderer::frame::Display;
 use renderer::shadows::wedge::EventKind;
+use renderer::shadows::worth::Tally;
 
 use crate::drive::{Run, Theatre, view};
 
@@ -273,51 +274,51 @@ fn an_area_light_without_area_gives_the_picture_of_a_point_light() {
     assert!(run.display.shadow_tally().drawn > 50);
 }
 
-/// The lights are points, so that edges are left out for their dimness alone. The camera is below the ring and sees the
-/// weak light's shadow on a floor that a far light brightens, whose own shadow is out of sight.
-#[test]
-fn leaving_out_dim_edges_changes_less_than_a_step() {
-    let lights = |dim: f32| {
-        format!(
-            "[[light]]\nkind = \"point\"\nposition = [40, 20, 0]\nintensity = [900, 900, 900]\n\
-             [[light]]\nkind = \"point\"\nposition = [0.2, 4, 0.1]\nintensity = [{dim}, {dim}, {dim}]\n"
-        )
-    };
+/// A ring over a floor that a far light brightens, whose own shadow is out of sight, as a camera below the ring sees it. The
+/// same samples make two pictures by different choices: the most steps between them once gradients are known to a step,
+/// and what became of the edges of the second.
+fn differ(light: &str, choices: [Choices; 2]) -> (f32, Tally) {
+    let far = "[[light]]\nkind = \"point\"\nposition = [40, 20, 0]\nintensity = [900, 900, 900]\n";
     let objects = "[[object]]\nname = \"floor\"\ngenerate = { kind = \"plane\", size = [8, 8] }\nmaterial = \"grey\"\n\
          [[object]]\nname = \"ring\"\ngenerate = { kind = \"torus\", major = 0.2, minor = 0.05 }\nmaterial = \"grey\"\n\
          translate = [0, 3, 0]\n";
     let from = view([128, 96], [0.0, 2.0, 0.01], [0.0, 0.0, 0.0], 60.0);
-    let change = |dim: f32| {
-        let theatre = Theatre::new(&format!("{GREY}{}{objects}", lights(dim)));
-        let scene = &theatre.loaded.scene;
-        let display = Display::new(scene, choices(ShadowEdges::All), 128, 96, 1);
-        let mut run = Run::new(theatre.stage.clone(), display, 400, &from);
-        let mut chosen = Display::new(scene, choices(ShadowEdges::Chosen), 128, 96, 1);
-        chosen.begin(&from, 0);
-        let mut most = 0.0f32;
-        for frame in 0..20 {
-            run.draw(&from);
-            chosen.learn(&run.triples);
-            chosen.update_shadows(true);
-            chosen.receive(&run.received, 0);
-            chosen.draw(&from, 0);
-            // Before that, gradients are not known to a step.
-            let gathered = frame >= 10;
-            for (a, b) in colours(&run.display)
-                .iter()
-                .zip(&colours(&chosen))
-                .filter(|_| gathered)
-            {
-                let steps = (0..3).map(|k| (encode(a[k]) - encode(b[k])).abs() * 255.0);
-                most = steps.fold(most, f32::max);
-            }
-            run.plan(None);
+    let theatre = Theatre::new(&format!("{GREY}{far}{light}{objects}"));
+    let scene = &theatre.loaded.scene;
+    let display = Display::new(scene, choices[0], 128, 96, 1);
+    let mut run = Run::new(theatre.stage.clone(), display, 400, &from);
+    let mut other = Display::new(scene, choices[1], 128, 96, 1);
+    other.begin(&from, 0);
+    let mut most = 0.0f32;
+    for frame in 0..20 {
+        run.draw(&from);
+        other.learn(&run.triples);
+        other.update_shadows(true);
+        other.receive(&run.received, 0);
+        other.draw(&from, 0);
+        let gathered = frame >= 10;
+        for (a, b) in colours(&run.display)
+            .iter()
+            .zip(&colours(&other))
+            .filter(|_| gathered)
+        {
+            let steps = (0..3).map(|k| (encode(a[k]) - encode(b[k])).abs() * 255.0);
+            most = steps.fold(most, f32::max);
         }
-        println!(
-            "light of {dim} W/sr: {:?}, {most} steps",
-            chosen.shadow_tally()
+        run.plan(None);
+    }
+    println!("{most} steps, {:?}", other.shadow_tally());
+    (most, other.shadow_tally())
+}
+
+/// The lights are points, so that edges are left out for their dimness alone.
+#[test]
+fn leaving_out_dim_edges_changes_less_than_a_step() {
+    let change = |dim: f32| {
+        let light = format!(
+            "[[light]]\nkind = \"point\"\nposition = [0.2, 4, 0.1]\nintensity = [{dim}, {dim}, {dim}]\n"
         );
-        (most, chosen.shadow_tally())
+        differ(&light, [ShadowEdges::All, ShadowEdges::Chosen].map(choices))
     };
     let (most, tally) = change(5e-3);
     assert!(
@@ -325,6 +326,29 @@ fn leaving_out_dim_edges_changes_less_than_a_step() {
         "{tally:?}"
     );
     assert!(most < 1.0, "{most} steps");
+    // All but what is on the ring where it turns away from the light.
     let (most, tally) = change(5.0);
-    assert_eq!((most, tally.dim, tally.wide), (0.0, 0, 0));
+    assert!(tally.drawn > 50 && tally.wide == 0, "{tally:?}");
+    assert!(most < 1.0, "{most} steps");
+}
+
+/// All widths are allowed, so that edges are left out for the little that changes across them in a few pixels.
+#[test]
+fn leaving_out_faint_edges_changes_less_than_a_step() {
+    let light = "[[light]]\nkind = \"area\"\nradiance = [0.3, 0.3, 0.3]\n\
+         vertices = [[-0.05, 4, -0.15], [0.45, 4, -0.15], [0.45, 4, 0.35], [-0.05, 4, 0.35]]\n";
+    let with = |shadow_steps: f32| Choices {
+        shadow_width: 100.0,
+        shadow_steps,
+        ..choices(ShadowEdges::Chosen)
+    };
+    let (most, tally) = differ(light, [with(0.0), with(1.0)]);
+    assert!(tally.faint > 20, "{tally:?}");
+    assert!(most < 1.0, "{most} steps");
+    let (_, every) = differ(light, [with(1.0), with(0.0)]);
+    assert_eq!(every.faint, 0);
+    assert!(
+        every.drawn >= tally.drawn + tally.faint,
+        "{every:?} {tally:?}"
+    );
 }
