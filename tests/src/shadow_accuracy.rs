@@ -181,10 +181,11 @@ pub fn draw(scene: &Scene, view: &View, triples: &[Triple]) -> Drawn {
     stage.learn(triples);
     stage.update_shadows(true);
     let pixels = PixelSamples::new(grid);
-    // The second time, edges rest and are looked at closely.
     let mut ms = StageMs::default();
     stage.find(view, &scene.lights, &pixels, &mut ms);
-    stage.find(view, &scene.lights, &pixels, &mut ms);
+    while !stage.is_settled() {
+        stage.find(view, &scene.lights, &pixels, &mut ms);
+    }
     let (list, visible) = (stage.list(), stage.visible());
     let mut parts = VisibleEdges::default();
     for ((edge, segment), range) in visible

@@ -167,7 +167,7 @@ impl EdgeStage {
     }
 
     /// Finds the view's edges and draws those that can be seen. With rays it looks closer once when edges stay as they are,
-    /// and does nothing while nothing moves after that; with points the answer depends on the samples, so that edges are
+    /// some in each frame, and does nothing while nothing moves after that; with points the answer depends on the samples, so that edges are
     /// drawn anew in every frame.
     pub fn find(&mut self, view: &View, lights: &[Light], pixels: &PixelSamples, ms: &mut StageMs) {
         let Self {
@@ -205,20 +205,29 @@ impl EdgeStage {
         }
         let drawn = [list.generation, list.appended];
         let rests = std::mem::replace(&mut self.drawn, drawn) == drawn;
-        let settings = if rests {
-            AT_REST
-        } else {
-            RaySettings::default()
-        };
         let hiding = match (self.culling, &self.world) {
-            (Culling::Rays, Some(world)) => Hiding::Rays(world, settings),
+            (Culling::Rays, Some(world)) => Hiding::Rays(world, RaySettings::default()),
             (Culling::Points, _) => Hiding::Points(depth, DepthOffset::default()),
             (Culling::None | Culling::Rays, _) => Hiding::None,
         };
-        let half = self.half;
+        let (half, edges) = (self.half, (&*list, self.of_meshes));
         self.changed |= ms.time(Stage::Rasterize, || {
-            drawer.draw(view, list, hiding, half, crossings)
+            let changed = drawer.draw_within(view, edges, hiding, half, MOST_RAYS, crossings);
+            match hiding {
+                Hiding::Rays(world, _) if rests && !changed => drawer.look_closer(
+                    (view, list, world),
+                    RaySettings::AT_REST,
+                    MOST_RAYS_AT_REST,
+                    crossings,
+                ),
+                _ => changed,
+            }
         });
+    }
+
+    /// Whether the edges have been looked at as closely as they ever are while nothing moves.
+    pub fn is_settled(&self) -> bool {
+        self.culling != Culling::Rays || self.drawer.is_done()
     }
 
     /// Turns crossings into edge codes, if they changed.
@@ -293,12 +302,12 @@ impl Display {
         &self.edges
     }
 }
-/// How finely edges are looked at that stay as they are. Moving ones have to be done with too soon for that.
-const AT_REST: RaySettings = RaySettings {
-    spacing_px: 1.0,
-    precision_px: 0.125,
-    tolerance: RaySettings::DEFAULT.tolerance,
-};
+
+/// Rays that a frame may cast to tell hidden shadow edges from others: several milliseconds' worth.
+const MOST_RAYS: usize = 8192;
+
+/// Those that it may cast to look closer at edges that rest.
+const MOST_RAYS_AT_REST: usize = 4096;
 
 /// Samples that are sparser than this count as no sparser, pixels: they resolve nothing.
 pub const SPARSEST_PX: f32 = 8.0;
