@@ -5,7 +5,10 @@ use serde::{Deserialize, Serialize};
 use crate::scene::{Affine, Light};
 
 /// Protocol version that this crate speaks; the handshake settles on one that both sides know.
-pub const VERSION: u16 = 1;
+pub const VERSION: u16 = 2;
+
+/// First version with [`ToDisplay::Textured`].
+pub const TEXTURED_VERSION: u16 = 2;
 
 /// BLAKE3 digest of a scene's encoded bytes.
 pub type Digest = [u8; 32];
@@ -75,6 +78,27 @@ pub struct Sample {
     pub radiance: [f32; 3],
     /// Bits of [`flags`].
     pub flags: u32,
+}
+
+/// What the diffuse map of a sample's surface did to it, so that a display can apply the map where it looks instead of blurring it
+/// between samples: the sample's radiance is `reflectance · reflected` and what else the surface sends.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Texel {
+    /// Index of the face hit in its object's mesh.
+    pub face: u32,
+    /// Diffuse reflectance, map and material together, linear; in [0, 1].
+    pub reflectance: [f32; 3],
+    /// Radiance that a diffuse reflectance of 1 would reflect there, W/(m² sr); finite and not negative.
+    pub reflected: [f32; 3],
+}
+
+/// A sample of a surface whose material has a diffuse map.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct TexturedSample {
+    /// The sample: a hit on an object.
+    pub sample: Sample,
+    /// What the map did to it.
+    pub texel: Texel,
 }
 
 /// A light that a blocker hides from a receiver.
@@ -271,5 +295,15 @@ pub enum ToDisplay {
         code: FaultCode,
         /// One line for people.
         text: String,
+    },
+    /// Shaded samples of surfaces with a diffuse map, from version 2 on. A request is answered here or in
+    /// [`ToDisplay::Samples`], as the server likes.
+    Textured {
+        /// The view that they were asked for.
+        view: u32,
+        /// State of the scene that they were shaded in.
+        epoch: u32,
+        /// The samples, each id one that is outstanding.
+        samples: Vec<TexturedSample>,
     },
 }

@@ -307,6 +307,11 @@ fn to_display_examples() -> Vec<Example> {
         radiance: [0.25, 0.25, 0.25],
         flags: 0,
     };
+    let texel = Texel {
+        face: 0,
+        reflectance: [0.5, 0.25, 0.125],
+        reflected: [0.5, 1.0, 2.0],
+    };
     let triple = Triple {
         light: 0,
         blocker: 0,
@@ -380,6 +385,28 @@ fn to_display_examples() -> Vec<Example> {
             vec![bytes(5u32, "Pong"), bytes(9u64, "token")],
         ),
         example("fault-to-display", &fault, fault_parts),
+        example(
+            "textured",
+            &ToDisplay::Textured {
+                view: 1,
+                epoch: 0,
+                samples: vec![TexturedSample { sample, texel }],
+            },
+            vec![
+                bytes(7u32, "Textured"),
+                bytes(1u32, "view"),
+                bytes(0u32, "epoch"),
+                bytes(1u64, "samples: count"),
+                bytes(258u64, "samples[0].id"),
+                bytes(sample.position, "position"),
+                bytes(0u32, "object"),
+                bytes(sample.radiance, "radiance"),
+                bytes(0u32, "flags"),
+                bytes(0u32, "face"),
+                bytes(texel.reflectance, "reflectance"),
+                bytes(texel.reflected, "reflected"),
+            ],
+        ),
     ]
 }
 

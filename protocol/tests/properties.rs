@@ -60,6 +60,7 @@ fn feed(bytes: &[u8]) {
         let mut session = DisplaySession::new(SceneSize {
             lights: 1,
             objects: 1,
+            faces: 1,
         });
         let _ = session.receive(&message);
     }

@@ -266,6 +266,10 @@ def self_test():
         "samples": ("Samples", {"view": 1, "epoch": 0, "samples": [{
             "id": 258, "position": (0.125, 0.0, 0.5), "object": 0,
             "radiance": (0.25,) * 3, "flags": 0}]}),
+        "textured": ("Textured", {"view": 1, "epoch": 0, "samples": [{
+            "id": 258, "position": (0.125, 0.0, 0.5), "object": 0,
+            "radiance": (0.25,) * 3, "flags": 0, "face": 0,
+            "reflectance": (0.5, 0.25, 0.125), "reflected": (0.5, 1.0, 2.0)}]}),
         "triples": ("Triples", {"epoch": 0, "triples": [(0, 0, 0)]}),
         "status": ("Status", {"queued": 3, "traced": 100, "rays": 250, "cancelled_before": 2}),
         "pong": ("Pong", {"token": 9}),

@@ -175,6 +175,17 @@ def _samples(r):
     }
 
 
+def _textured(r):
+    return {
+        "view": r.unpack("I"), "epoch": r.unpack("I"),
+        "samples": [
+            {**_sample(r), "face": r.unpack("I"), "reflectance": r.unpack("3f"),
+             "reflected": r.unpack("3f")}
+            for _ in range(r.count(68))
+        ],
+    }
+
+
 def _triples(r):
     return {"epoch": r.unpack("I"), "triples": [r.unpack("3I") for _ in range(r.count(12))]}
 
@@ -201,6 +212,7 @@ TO_DISPLAY = (
     ("Status", _status),
     ("Pong", lambda r: {"token": r.unpack("Q")}),
     ("Fault", _fault),
+    ("Textured", _textured),
 )
 
 

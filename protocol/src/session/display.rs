@@ -5,17 +5,20 @@ use std::collections::HashMap;
 use super::Violation;
 use crate::handshake::accept_version;
 use crate::messages::{
-    Capabilities, Digest, FaultCode, Sample, SampleRequest, ToDisplay, Triple, flags,
+    Capabilities, Digest, FaultCode, Sample, SampleRequest, TEXTURED_VERSION, TexturedSample,
+    ToDisplay, Triple, flags,
 };
 use crate::scene::Scene;
 
-/// How many lights and objects samples and triples may name.
+/// How many lights, objects and faces samples and triples may name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SceneSize {
     /// Lights in the scene.
     pub lights: usize,
     /// Objects in the scene.
     pub objects: usize,
+    /// Faces of the mesh that has most.
+    pub faces: usize,
 }
 
 impl From<&Scene> for SceneSize {
@@ -23,6 +26,12 @@ impl From<&Scene> for SceneSize {
         Self {
             lights: scene.lights.len(),
             objects: scene.objects.len(),
+            faces: scene
+                .meshes
+                .iter()
+                .map(|m| m.faces.len())
+                .max()
+                .unwrap_or(0),
         }
     }
 }
@@ -72,6 +81,7 @@ enum Phase {
 #[derive(Debug)]
 pub struct DisplaySession {
     phase: Phase,
+    version: u16,
     digest: Option<Digest>,
     holds: Vec<Digest>,
     size: SceneSize,
@@ -90,6 +100,7 @@ impl DisplaySession {
     pub fn new(size: SceneSize) -> Self {
         Self {
             phase: Phase::Greeting,
+            version: 0,
             digest: None,
             holds: Vec::new(),
             size,
@@ -195,6 +206,7 @@ impl DisplaySession {
         {
             self.expect(Phase::Greeting, "Welcome")?;
             accept_version(*version)?;
+            self.version = *version;
             self.phase = Phase::Scene;
             self.name.clone_from(name);
             self.capabilities = Some(capabilities.clone());
@@ -219,7 +231,25 @@ impl DisplaySession {
                 samples,
             } => {
                 self.check_epoch(*epoch)?;
-                self.take_samples(*view, samples)?;
+                self.take_samples(*view, samples.iter())?;
+                Ok(DisplayEvent::Samples)
+            }
+            ToDisplay::Textured {
+                view,
+                epoch,
+                samples,
+            } => {
+                if self.version < TEXTURED_VERSION {
+                    return Err(out_of_order(format!(
+                        "version {} has no Textured",
+                        self.version
+                    )));
+                }
+                self.check_epoch(*epoch)?;
+                for textured in samples {
+                    self.check_face(textured)?;
+                }
+                self.take_samples(*view, samples.iter().map(|t| &t.sample))?;
                 Ok(DisplayEvent::Samples)
             }
             ToDisplay::Triples { epoch, triples } => {
@@ -263,7 +293,11 @@ impl DisplaySession {
         Ok(())
     }
 
-    fn take_samples(&mut self, view: u32, samples: &[Sample]) -> Result<(), Violation> {
+    fn take_samples<'a>(
+        &mut self,
+        view: u32,
+        samples: impl Iterator<Item = &'a Sample>,
+    ) -> Result<(), Violation> {
         self.taken.clear();
         for sample in samples {
             let checked =
@@ -286,6 +320,16 @@ impl DisplaySession {
                 return Err(violation);
             }
             self.taken.extend(self.outstanding.remove(&sample.id));
+        }
+        Ok(())
+    }
+
+    fn check_face(&self, textured: &TexturedSample) -> Result<(), Violation> {
+        if textured.texel.face as usize >= self.size.faces {
+            return Err(value(format!(
+                "sample {} hits face {}",
+                textured.sample.id, textured.texel.face
+            )));
         }
         Ok(())
     }

@@ -1,7 +1,9 @@
 use super::*;
 use crate::handshake::hello;
-use crate::messages::{Camera, Capabilities, Sample, SampleRequest, Triple};
-use crate::scene::{Light, Model, Scene, Shading};
+use crate::messages::{
+    Camera, Capabilities, Sample, SampleRequest, Texel, TexturedSample, Triple, VERSION,
+};
+use crate::scene::{Light, Material, Mesh, Model, Object, Scene, Shading};
 use crate::transfer::EncodedScene;
 
 fn scene() -> Scene {
@@ -64,16 +66,23 @@ fn hit_on_light(id: u64) -> Sample {
 
 /// Both ends, past the handshake and the scene, and view 1.
 fn ready() -> (DisplaySession, ServerSession) {
-    let scene = scene();
-    let encoded = EncodedScene::new(&scene).unwrap();
-    let mut display = DisplaySession::new(SceneSize::from(&scene));
+    ready_in(&scene(), VERSION)
+}
+
+/// The same with this scene, and a server that chose this version.
+fn ready_in(scene: &Scene, version: u16) -> (DisplaySession, ServerSession) {
+    let encoded = EncodedScene::new(scene).unwrap();
+    let mut display = DisplaySession::new(SceneSize::from(scene));
     let mut server = ServerSession::new(capabilities(), vec![], 1000);
     assert!(matches!(
         server.receive(hello("t", 1)).unwrap(),
-        ServerEvent::Hello { version: 1, .. }
+        ServerEvent::Hello {
+            version: VERSION,
+            ..
+        }
     ));
     let welcome = ToDisplay::Welcome {
-        version: 1,
+        version,
         name: "s".into(),
         shader: "direct".into(),
         capabilities: capabilities(),
@@ -232,6 +241,60 @@ fn epochs_follow_each_other_and_never_run_ahead() {
 }
 
 #[test]
+fn textured_samples_answer_requests_from_version_2_on_and_name_faces_that_are_there() {
+    let mut scene = scene();
+    scene.meshes = vec![Mesh {
+        positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+        faces: vec![[0, 1, 2]],
+        ..Mesh::default()
+    }];
+    scene.materials = vec![Material {
+        name: "m".into(),
+        diffuse: [0.5; 3],
+        diffuse_map: None,
+        specular: [0.0; 3],
+        roughness: 1.0,
+    }];
+    scene.objects = vec![Object {
+        name: "o".into(),
+        mesh: 0,
+        material: 0,
+        transform: [
+            [1.0, 0.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0, 0.0],
+            [0.0, 0.0, 1.0, 0.0],
+        ],
+        crease_angle: 85.0,
+    }];
+    let with = |face| ToDisplay::Textured {
+        view: 1,
+        epoch: 0,
+        samples: vec![TexturedSample {
+            sample: Sample {
+                object: 0,
+                flags: 0,
+                ..hit_on_light(1)
+            },
+            texel: Texel {
+                face,
+                reflectance: [0.5; 3],
+                reflected: [2.0; 3],
+            },
+        }],
+    };
+    let (mut display, _) = ready_in(&scene, VERSION);
+    display.requested(1, &[request(1)]);
+    assert_eq!(code(display.receive(&with(1))), FaultCode::Value);
+    assert_eq!(display.outstanding(), 1);
+    assert_eq!(display.receive(&with(0)).unwrap(), DisplayEvent::Samples);
+    assert_eq!(display.outstanding(), 0);
+    assert_eq!(code(display.receive(&with(0))), FaultCode::OutOfOrder);
+    let (mut display, _) = ready_in(&scene, 1);
+    display.requested(1, &[request(1)]);
+    assert_eq!(code(display.receive(&with(0))), FaultCode::OutOfOrder);
+}
+
+#[test]
 fn indices_are_checked_against_the_scene() {
     let (mut display, mut server) = ready();
     display.requested(1, &[request(1)]);
@@ -319,6 +382,7 @@ fn messages_have_their_place() {
     let mut fresh = DisplaySession::new(SceneSize {
         lights: 0,
         objects: 0,
+        faces: 0,
     });
     assert_eq!(
         code(fresh.receive(&ToDisplay::Pong { token: 1 })),

@@ -7,7 +7,8 @@ use crate::limits::{
     MAX_TEXT, MAX_TRIPLES, MIN_SIGHT, MIN_UP_SINE,
 };
 use crate::messages::{
-    Camera, Capabilities, NO_OBJECT, Sample, SampleRequest, ToDisplay, ToServer, flags,
+    Camera, Capabilities, NO_OBJECT, Sample, SampleRequest, TexturedSample, ToDisplay, ToServer,
+    flags,
 };
 use crate::scene::MAX_CHUNK;
 use crate::validate::{validate_light, validate_transform};
@@ -80,6 +81,7 @@ pub fn validate_to_display(message: &ToDisplay) -> Checked {
             validate_capabilities(capabilities)
         }
         ToDisplay::Samples { samples, .. } => validate_samples(samples),
+        ToDisplay::Textured { samples, .. } => validate_textured(samples),
         ToDisplay::Triples { triples, .. } => {
             count(triples.len(), 1, MAX_TRIPLES).at(|| "Triples.triples".into())
         }
@@ -143,13 +145,31 @@ fn validate_capabilities(capabilities: &Capabilities) -> Checked {
 pub fn validate_samples(samples: &[Sample]) -> Checked {
     count(samples.len(), 1, MAX_BATCH as usize).at(|| "Samples.samples".into())?;
     for (i, sample) in samples.iter().enumerate() {
-        let at = |field: &str| format!("Samples.samples[{i}].{field}");
-        ranges(&sample.radiance, 0.0, MAX_RADIANCE).at(|| at("radiance"))?;
-        validate_flags(sample).at(|| at("flags"))?;
-        if sample.flags & flags::MISS != 0 {
-            unit(sample.position).at(|| at("position"))?;
-        } else {
-            position(sample.position).at(|| at("position"))?;
+        validate_sample(sample).map_err(|e| e.inside(&format!("Samples.samples[{i}]")))?;
+    }
+    Ok(())
+}
+
+fn validate_sample(sample: &Sample) -> Checked {
+    ranges(&sample.radiance, 0.0, MAX_RADIANCE).at(|| "radiance".into())?;
+    validate_flags(sample).at(|| "flags".into())?;
+    if sample.flags & flags::MISS != 0 {
+        unit(sample.position).at(|| "position".into())
+    } else {
+        position(sample.position).at(|| "position".into())
+    }
+}
+
+fn validate_textured(samples: &[TexturedSample]) -> Checked {
+    count(samples.len(), 1, MAX_BATCH as usize).at(|| "Textured.samples".into())?;
+    for (i, TexturedSample { sample, texel }) in samples.iter().enumerate() {
+        let at = |field: &str| format!("Textured.samples[{i}].{field}");
+        validate_sample(sample).map_err(|e| e.inside(&at("sample")))?;
+        ranges(&texel.reflectance, 0.0, 1.0).at(|| at("texel.reflectance"))?;
+        ranges(&texel.reflected, 0.0, MAX_RADIANCE).at(|| at("texel.reflected"))?;
+        if sample.flags & (flags::MISS | flags::LIGHT) != 0 {
+            let problem = Problem::Other("is no hit on an object, so that it has no texture");
+            return Err(problem).at(|| at("sample.flags"));
         }
     }
     Ok(())

@@ -1,5 +1,5 @@
 use super::*;
-use crate::messages::{FaultCode, ObjectMove};
+use crate::messages::{FaultCode, ObjectMove, Texel};
 
 fn camera() -> Camera {
     Camera {
@@ -245,4 +245,48 @@ fn edits_and_handshakes_are_checked() {
     assert!(validate_to_display(&welcome(0, 1)).is_err());
     assert!(validate_to_display(&welcome(1, MAX_BATCH + 1)).is_err());
     assert!(validate_to_server(&ToServer::SceneChunk { data: vec![] }).is_err());
+}
+
+#[test]
+fn bad_texels_name_what_is_wrong() {
+    let texel = Texel {
+        face: 0,
+        reflectance: [0.5; 3],
+        reflected: [1.0; 3],
+    };
+    let with = |sample, texel| ToDisplay::Textured {
+        view: 1,
+        epoch: 0,
+        samples: vec![TexturedSample { sample, texel }],
+    };
+    validate_to_display(&with(sample(), texel)).unwrap();
+    let bright = Texel {
+        reflectance: [0.5, 1.5, 0.5],
+        ..texel
+    };
+    let broken = Texel {
+        reflected: [f32::NAN; 3],
+        ..texel
+    };
+    let light = Sample {
+        flags: flags::LIGHT,
+        ..sample()
+    };
+    for (message, place) in [
+        (with(sample(), bright), "texel.reflectance"),
+        (with(sample(), broken), "texel.reflected"),
+        (with(light, texel), "sample.flags"),
+    ] {
+        let error = validate_to_display(&message).unwrap_err();
+        assert_eq!(error.place, format!("Textured.samples[0].{place}"));
+    }
+    let none = ToDisplay::Textured {
+        view: 1,
+        epoch: 0,
+        samples: vec![],
+    };
+    assert_eq!(
+        validate_to_display(&none).unwrap_err().fault(),
+        FaultCode::Limit
+    );
 }

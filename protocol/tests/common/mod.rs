@@ -217,6 +217,27 @@ pub(crate) fn to_display() -> impl Strategy<Value = ToDisplay> {
                 samples,
             }
         }),
+        (
+            any::<(u32, u32)>(),
+            vec(
+                (sample(), any::<u32>(), f3(), f3()).prop_map(
+                    |(sample, face, reflectance, reflected)| TexturedSample {
+                        sample,
+                        texel: Texel {
+                            face,
+                            reflectance,
+                            reflected
+                        }
+                    }
+                ),
+                0..5
+            )
+        )
+            .prop_map(|((view, epoch), samples)| ToDisplay::Textured {
+                view,
+                epoch,
+                samples
+            }),
         (any::<u32>(), vec(triple, 0..5))
             .prop_map(|(epoch, triples)| ToDisplay::Triples { epoch, triples }),
         any::<(u32, u64, u64, u32)>().prop_map(|(queued, traced, rays, cancelled_before)| {
