@@ -209,7 +209,7 @@ fn error_by_setting(stage: &Stage, camera: &Camera) {
         let start = thread_seconds();
         let values: Vec<f64> = points
             .iter()
-            .map(|(id, ray)| f64::from(shader.shade(*id, ray).radiance[1]))
+            .map(|(id, ray)| f64::from(shader.shade(*id, ray).sample.radiance[1]))
             .collect();
         let n = points.len() as f64;
         (

@@ -9,14 +9,15 @@ pub mod camera;
 mod cli;
 pub mod irradiance;
 pub mod lights;
+mod mapped;
 pub mod random;
 pub mod server;
 pub mod shading;
 pub mod shadows;
 pub mod stage;
-pub mod texture;
 
 pub use cli::main_from_args;
+pub use mapped::Beam;
 pub use server::{ServerConfig, ServerError, run};
 pub use shading::Shader;
 pub use stage::{Stage, StageError};

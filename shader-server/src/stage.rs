@@ -9,10 +9,12 @@ use protocol::{
 };
 use rayon::prelude::*;
 use rays::{TriangleMesh, World};
+use textures::Map;
 
 use crate::{
     irradiance::{IrradianceCache, Moved, Patience},
     lights::{Emitter, Receiver},
+    mapped::{Beam, FacePoint},
 };
 
 /// A message refers to something that the scene does not have, or changes what it may not.
@@ -52,6 +54,8 @@ struct Placement {
 #[derive(Clone)]
 pub struct Stage {
     scene: Arc<Scene>,
+    /// The scene's textures, decoded.
+    maps: Arc<[Map]>,
     placements: Vec<Placement>,
     lights: Vec<Light>,
     emitters: Vec<Emitter>,
@@ -112,9 +116,11 @@ impl Stage {
         let (lights, world) = (lights.clone(), World::new(instances));
         let irradiance = (scene.shading.model == Model::Global)
             .then(|| Arc::new(IrradianceCache::new(diagonal_m(&world), Patience::Final)));
+        let maps = scene.textures.par_iter().map(Map::new).collect();
         Ok(Self {
             irradiance,
             scene,
+            maps,
             placements,
             lights,
             emitters,
@@ -237,6 +243,12 @@ impl Stage {
     /// The surface at a hit of the world that is not a light's.
     #[must_use]
     pub fn surface(&self, hit: &rays::Hit) -> Option<Surface> {
+        self.surface_in(hit, None)
+    }
+
+    /// The same with maps averaged over what a beam covers, instead of read at a point.
+    #[must_use]
+    pub fn surface_in(&self, hit: &rays::Hit, beam: Option<&Beam>) -> Option<Surface> {
         let placement = self.placements.get(hit.instance as usize)?;
         let mesh = self.scene.meshes.get(placement.mesh as usize)?;
         let face = hit.face as usize;
@@ -265,12 +277,22 @@ impl Stage {
             })
             .into_iter()
             .fold(0., f64::max);
+        let place = FacePoint {
+            to_world: &placement.to_world,
+            mesh,
+            face,
+            corners: [a, b, c],
+            weights,
+        };
+        let (diffuse, textured) =
+            material.map_or((Vec3::ZERO, false), |m| self.diffuse(&place, m, beam));
         Some(Surface {
             position: placement.to_world.transform_point3(position),
             normal: to_world(smooth),
             face_normal: to_world(flat).as_vec3(),
             clearance: (extent * placement.rounding * f64::from(f32::EPSILON)) as f32,
-            diffuse: material.map_or(Vec3::ZERO, |m| self.diffuse(m, mesh, face, weights)),
+            diffuse,
+            textured,
             specular: material
                 .filter(|_| self.scene.shading.model != Model::Direct)
                 .map_or(Vec3::ZERO, |m| Vec3::from(m.specular)),
@@ -278,22 +300,18 @@ impl Stage {
         })
     }
 
-    fn diffuse(&self, material: &Material, mesh: &Mesh, face: usize, weights: [f64; 3]) -> Vec3 {
-        let map = material
-            .diffuse_map
-            .and_then(|map| self.scene.textures.get(map as usize));
+    /// Diffuse reflectance of a point of a face, and whether a map has a part in it.
+    fn diffuse(
+        &self,
+        at: &FacePoint<'_>,
+        material: &Material,
+        beam: Option<&Beam>,
+    ) -> (Vec3, bool) {
         let base = Vec3::from(material.diffuse);
-        match (map, mesh.face_uvs.get(face)) {
-            (Some(map), Some(corners)) => {
-                let mut uv = [0.; 2];
-                for (corner, weight) in corners.iter().zip(weights) {
-                    let place = mesh.uvs.get(*corner as usize).copied().unwrap_or_default();
-                    uv[0] += weight * f64::from(place[0]);
-                    uv[1] += weight * f64::from(place[1]);
-                }
-                base * crate::texture::bilinear(map, uv.map(|x| x as f32))
-            }
-            _ => base,
+        let map = material.diffuse_map.and_then(|m| self.maps.get(m as usize));
+        match map.and_then(|map| at.colour(map, beam)) {
+            Some(colour) => (base * colour, true),
+            None => (base, false),
         }
     }
 }
@@ -311,6 +329,8 @@ pub struct Surface {
     pub clearance: f32,
     /// Diffuse reflectance, linear.
     pub diffuse: Vec3,
+    /// A map has a part in the diffuse reflectance.
+    pub textured: bool,
     /// Specular reflectance at normal incidence; zero in scenes that ask for direct light alone.
     pub specular: Vec3,
     /// GGX alpha.

@@ -82,7 +82,9 @@ fn shade(stage: &Stage, from: Vec3, to: Vec3) -> protocol::messages::Sample {
         origin: from,
         direction: (to - from).normalize(),
     };
-    Shader::new(stage, &ShadowRays::default(), 3).shade(1, &ray)
+    Shader::new(stage, &ShadowRays::default(), 3)
+        .shade(1, &ray)
+        .sample
 }
 
 /// Some points of the inside of a mesh around the origin, as seen from there.
@@ -488,7 +490,9 @@ fn furnace_of_area_lights_on_gloss() {
                 origin: vec3(0.4, 0.8, 0.1),
                 direction: vec3(-0.4 + 0.002 * i as f32, -0.8, -0.1).normalize(),
             };
-            let sample = Shader::new(&stage, &ShadowRays::default(), 3).shade(i, &ray);
+            let sample = Shader::new(&stage, &ShadowRays::default(), 3)
+                .shade(i, &ray)
+                .sample;
             sum += Vec3::from(sample.radiance) / count as f32;
         }
         assert!((sum - 1.).abs().max_element() < 0.02, "{roughness}: {sum}");

@@ -23,7 +23,9 @@ fn shade(stage: &Stage, seed: u64, from: Vec3, to: Vec3) -> protocol::messages::
         origin: from,
         direction: (to - from).normalize(),
     };
-    Shader::new(stage, &ShadowRays::default(), seed).shade(1, &ray)
+    Shader::new(stage, &ShadowRays::default(), seed)
+        .shade(1, &ray)
+        .sample
 }
 
 fn quad(corners: [[f32; 3]; 4]) -> Mesh {
@@ -233,27 +235,23 @@ fn lights_block_lights_but_make_no_triples() {
         origin: vec3(0., 0.5, 1.),
         direction: vec3(0., -0.5, -1.).normalize(),
     };
-    assert_eq!(shader.shade(1, &ray).radiance, [0.; 3]);
+    assert_eq!(shader.shade(1, &ray).sample.radiance, [0.; 3]);
     assert_eq!(shader.take_triples(), []);
     // From above, the lamp shows its dark back.
-    let sample = shader.shade(
-        2,
-        &Ray {
-            origin: vec3(0., 2., 0.),
-            direction: Vec3::NEG_Y,
-        },
-    );
+    let down = Ray {
+        origin: vec3(0., 2., 0.),
+        direction: Vec3::NEG_Y,
+    };
+    let sample = shader.shade(2, &down).sample;
     assert_eq!(
         (sample.object, sample.flags, sample.radiance),
         (1, flags::LIGHT, [0.; 3])
     );
-    let miss = shader.shade(
-        3,
-        &Ray {
-            origin: vec3(0., 2., 0.),
-            direction: Vec3::Y,
-        },
-    );
+    let up = Ray {
+        direction: Vec3::Y,
+        ..down
+    };
+    let miss = shader.shade(3, &up).sample;
     assert_eq!(
         (miss.object, miss.flags, miss.radiance),
         (NO_OBJECT, flags::MISS, [0.25, 0.5, 1.])
@@ -294,7 +292,7 @@ fn contact_shadows_are_tight() {
                     origin: target + Vec3::Y * scale,
                     direction: Vec3::NEG_Y,
                 };
-                let sample = shader.shade(1, &ray);
+                let sample = shader.shade(1, &ray).sample;
                 assert_eq!(sample.object, 0);
                 assert_eq!(sample.radiance[0] > 0., lit, "{scale} {offset} {gap}");
                 triples.extend(shader.take_triples());

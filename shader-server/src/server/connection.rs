@@ -163,7 +163,9 @@ impl Connection {
                 seed,
             } => {
                 tracing::info!("{}: this is {name}", self.address);
-                self.desk.state().seed = seed;
+                let mut state = self.desk.state();
+                (state.seed, state.version) = (seed, version);
+                drop(state);
                 self.desk.send(self.welcome(version));
             }
             ServerEvent::Held(digest) => self.reuse(digest)?,

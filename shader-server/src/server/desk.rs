@@ -10,7 +10,9 @@ use std::{
 };
 
 use protocol::{
-    messages::{FaultCode, Sample, SampleRequest, ToDisplay, Triple},
+    messages::{
+        FaultCode, Sample, SampleRequest, TEXTURED_VERSION, TexturedSample, ToDisplay, Triple,
+    },
     session::{ServerSession, Violation},
 };
 use tokio::sync::Notify;
@@ -36,6 +38,8 @@ struct Batch {
 pub(super) struct State {
     pub(super) rules: ServerSession,
     pub(super) seed: u64,
+    /// Protocol version that the display speaks.
+    pub(super) version: u16,
     stage: Option<(Arc<Stage>, u32)>,
     batches: VecDeque<Batch>,
     queued: usize,
@@ -68,10 +72,13 @@ struct Chunk {
     stage: Arc<Stage>,
     epoch: u32,
     seed: u64,
+    /// The display takes textured samples.
+    textured: bool,
 }
 
 struct Traced {
     samples: Vec<Sample>,
+    textured: Vec<TexturedSample>,
     triples: Vec<Triple>,
     rays: u64,
 }
@@ -81,6 +88,7 @@ impl Desk {
         let state = State {
             rules,
             seed: 0,
+            version: 0,
             stage: None,
             batches: VecDeque::new(),
             queued: 0,
@@ -270,14 +278,21 @@ impl Desk {
         let mut shader = Shader::new(&chunk.stage, &*self.shared.visibility, chunk.seed)
             .with_pixel(chunk.pinhole.pixel_slope());
         let mut samples = Vec::with_capacity(chunk.requests.len());
+        let mut textured = Vec::new();
         for request in &chunk.requests {
             if chunk.view < self.cancelled_before.load(Ordering::Relaxed) {
                 break;
             }
-            samples.push(shader.shade(request.id, &chunk.pinhole.ray(request)));
+            let shaded = shader.shade(request.id, &chunk.pinhole.ray(request));
+            let sample = shaded.sample;
+            match shaded.texel.filter(|_| chunk.textured) {
+                Some(texel) => textured.push(TexturedSample { sample, texel }),
+                None => samples.push(sample),
+            }
         }
         Traced {
             samples,
+            textured,
             rays: shader.rays(),
             triples: shader.take_triples(),
         }
@@ -318,6 +333,7 @@ impl State {
                     stage,
                     epoch,
                     seed: self.seed,
+                    textured: self.version >= TEXTURED_VERSION,
                 });
             }
         }
@@ -325,7 +341,7 @@ impl State {
     }
 
     fn finish(&mut self, view: u32, epoch: u32, mut traced: Traced) {
-        self.traced += traced.samples.len() as u64;
+        self.traced += (traced.samples.len() + traced.textured.len()) as u64;
         self.rays += traced.rays;
         if self.closing {
             return;
@@ -334,11 +350,21 @@ impl State {
         traced
             .samples
             .retain(|sample| self.rules.release(sample.id));
+        traced
+            .textured
+            .retain(|textured| self.rules.release(textured.sample.id));
         if !traced.samples.is_empty() {
             self.outgoing.push_back(ToDisplay::Samples {
                 view,
                 epoch,
                 samples: traced.samples,
+            });
+        }
+        if !traced.textured.is_empty() {
+            self.outgoing.push_back(ToDisplay::Textured {
+                view,
+                epoch,
+                samples: traced.textured,
             });
         }
         if self.stage.as_ref().is_some_and(|(_, now)| *now == epoch) {

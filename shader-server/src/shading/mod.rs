@@ -10,17 +10,40 @@ mod microfacet;
 use glam::Vec3;
 use protocol::{
     limits::clamp_radiance,
-    messages::{NO_OBJECT, Sample, Triple, flags},
+    messages::{NO_OBJECT, Sample, Texel, Triple, flags},
 };
 use rays::Ray;
 
 use self::glossy::Reflector;
 use crate::{
     lights::{Receiver, Shape},
+    mapped::Beam,
     random::Stream,
     shadows::{Shadows, Visibility},
-    stage::{Stage, Surface},
+    stage::Stage,
 };
+
+/// Share of a pixel's width over which a sample averages maps: so little that the mean of a pixel's samples is hardly wider
+/// than the pixel, and enough to calm a single one where texels are much smaller than pixels.
+const BEAM_SHARE: f32 = 0.25;
+
+/// A shaded ray.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shaded {
+    /// The sample.
+    pub sample: Sample,
+    /// What the diffuse map of the surface did to it, where there is one.
+    pub texel: Option<Texel>,
+}
+
+impl From<Sample> for Shaded {
+    fn from(sample: Sample) -> Self {
+        Self {
+            sample,
+            texel: None,
+        }
+    }
+}
 
 /// Shades rays; one a thread and chunk of work, so that nothing is allocated from sample to sample.
 pub struct Shader<'a> {
@@ -53,7 +76,8 @@ impl<'a> Shader<'a> {
         }
     }
 
-    /// Says how wide a pixel is a metre away, metres: what is interpolated need not be finer than that.
+    /// Says how wide a pixel is a metre away, metres: what is interpolated need not be finer than that, and maps are averaged
+    /// over a part of it.
     #[must_use]
     pub fn with_pixel(mut self, pixel_slope: f64) -> Self {
         self.pixel_slope = pixel_slope;
@@ -75,53 +99,60 @@ impl<'a> Shader<'a> {
     ///
     /// Surfaces reflect on both sides, with the shading normal turned to the viewer; the cosine at the surface is the shading
     /// normal's, visibility the geometry's alone.
-    pub fn shade(&mut self, id: u64, ray: &Ray) -> Sample {
+    pub fn shade(&mut self, id: u64, ray: &Ray) -> Shaded {
         self.rays += 1;
         let Some(hit) = self.stage.world().closest(ray, f32::INFINITY) else {
-            return Sample {
+            return Shaded::from(Sample {
                 id,
                 position: ray.direction.normalize_or_zero().to_array(),
                 object: NO_OBJECT,
                 radiance: self.stage.shading().background,
                 flags: flags::MISS,
-            };
+            });
         };
         if let Some(light) = self.stage.light_of(hit.instance) {
-            return Sample {
+            return Shaded::from(Sample {
                 id,
                 position: ray.at(hit.t).to_array(),
                 object: light,
                 radiance: self.emitted(light, ray).to_array(),
                 flags: flags::LIGHT,
-            };
+            });
         }
-        let (position, object) = (ray.at(hit.t), hit.instance);
-        let Some(surface) = self.stage.surface(&hit) else {
-            return Sample {
-                id,
-                position: position.to_array(),
-                object,
-                radiance: [0.; 3],
-                flags: 0,
-            };
+        let beam = Beam {
+            direction: ray.direction,
+            width: BEAM_SHARE * self.pixel_slope as f32 * hit.t,
+        };
+        let mut sample = Sample {
+            id,
+            position: ray.at(hit.t).to_array(),
+            object: hit.instance,
+            radiance: [0.; 3],
+            flags: 0,
+        };
+        let Some(surface) = self.stage.surface_in(&hit, Some(&beam)) else {
+            return Shaded::from(sample);
         };
         let receiver = surface.seen_along(ray.direction.as_dvec3(), hit.instance, hit.face);
         let reflector = Reflector::new(&surface, &receiver, -ray.direction.as_dvec3());
         let stream = Stream::new(self.seed, id);
-        let (mut radiance, mut bits) = self.diffuse(&stream, &surface, &receiver, hit.t);
+        let (mut reflected, mut bits) = self.diffuse(&stream, &receiver, hit.t);
+        let mut specular = Vec3::ZERO;
         if let Some(reflector) = &reflector {
             // What is reflected specularly is not there to be reflected diffusely.
-            radiance *= Vec3::ONE - reflector.gloss.albedo;
-            radiance += self.specular(reflector, &stream);
+            reflected *= Vec3::ONE - reflector.gloss.albedo;
+            specular = self.specular(reflector, &stream);
             bits |= flags::VIEW_DEPENDENT;
         }
-        Sample {
-            id,
-            position: surface.position.as_vec3().to_array(),
-            object,
-            radiance: clamp_radiance(radiance.to_array()),
-            flags: bits,
-        }
+        sample.position = surface.position.as_vec3().to_array();
+        sample.radiance = clamp_radiance((surface.diffuse * reflected + specular).to_array());
+        sample.flags = bits;
+        let texel = surface.textured.then(|| Texel {
+            face: hit.face,
+            reflectance: surface.diffuse.to_array(),
+            reflected: clamp_radiance(reflected.to_array()),
+        });
+        Shaded { sample, texel }
     }
 
     fn emitted(&self, light: u32, ray: &Ray) -> Vec3 {
@@ -134,14 +165,8 @@ impl<'a> Shader<'a> {
         }
     }
 
-    /// Radiance that a surface reflects diffusely, and the flags of the sample.
-    fn diffuse(
-        &mut self,
-        stream: &Stream,
-        surface: &Surface,
-        receiver: &Receiver,
-        distance_m: f32,
-    ) -> (Vec3, u32) {
+    /// Radiance that a diffuse reflectance of 1 reflects, and the flags of the sample.
+    fn diffuse(&mut self, stream: &Stream, receiver: &Receiver, distance_m: f32) -> (Vec3, u32) {
         let mut bits = 0;
         let mut irradiance = self.direct(stream, receiver);
         if let Some(cache) = self.stage.irradiance() {
@@ -153,7 +178,6 @@ impl<'a> Shader<'a> {
             }
         }
         let ambient = Vec3::from(self.stage.shading().ambient);
-        let radiance = surface.diffuse * (irradiance * std::f32::consts::FRAC_1_PI + ambient);
-        (radiance, bits)
+        (irradiance * std::f32::consts::FRAC_1_PI + ambient, bits)
     }
 }

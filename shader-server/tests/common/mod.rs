@@ -228,6 +228,13 @@ impl Client {
                 } => {
                     samples.extend(batch.into_iter().map(|s| (s.id, (epoch, s))));
                 }
+                ToDisplay::Textured {
+                    epoch,
+                    samples: batch,
+                    ..
+                } => {
+                    samples.extend(batch.into_iter().map(|t| (t.sample.id, (epoch, t.sample))));
+                }
                 ToDisplay::Triples {
                     epoch,
                     triples: batch,

@@ -65,7 +65,7 @@ pub fn render(stage: &Stage, camera: &Camera, spp: u32, shadows: &ShadowRays) ->
                 let mut sum = glam::DVec3::ZERO;
                 for index in 0..spp {
                     let request = request(pixel, index, spp);
-                    let sample = shader.shade(request.id, &pinhole.ray(&request));
+                    let sample = shader.shade(request.id, &pinhole.ray(&request)).sample;
                     sum += glam::Vec3::from(sample.radiance).as_dvec3();
                 }
                 (sum / f64::from(spp)).as_vec3().to_array()
