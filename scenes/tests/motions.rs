@@ -75,7 +75,7 @@ fn the_program_s_own_motions_begin_at_rest() {
             let motion = loaded.motions.iter().find(|m| m.name == wanted).unwrap();
             let (mut objects, mut lights) = (Vec::new(), Vec::new());
             motion.place(&loaded.scene, 0.0, &mut objects, &mut lights);
-            assert_eq!(objects.len() + lights.len(), 1);
+            assert!(!objects.is_empty() || !lights.is_empty());
             for o in objects {
                 let at_rest = &loaded.scene.objects[o.object as usize].transform;
                 assert_eq!(o.transform, *at_rest);

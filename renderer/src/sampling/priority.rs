@@ -330,7 +330,7 @@ mod tests {
     impl Chance {
         fn joins(&self, a: [usize; 2], b: [usize; 2]) -> bool {
             let [a, b] = [a.min(b), a.max(b)].map(|p| (p[1] * self.0.width + p[0]) as u64);
-            hash(a, b) % 4 > 0
+            !hash(a, b).is_multiple_of(4)
         }
     }
 
