@@ -59,6 +59,8 @@ pub struct Adjacency {
     pub solid: Vec<bool>,
     /// Corners of the box around the faces that take part.
     pub bounds: [[f32; 3]; 2],
+    /// Material of each face, for comparing; empty where all have the same.
+    pub materials: Vec<u32>,
 }
 
 impl Adjacency {
@@ -100,6 +102,7 @@ impl Adjacency {
             positions,
             normals,
             anchors,
+            materials: materials(mesh),
             ..edges.adjacency
         }
     }
@@ -108,6 +111,14 @@ impl Adjacency {
     #[inline]
     pub fn faces(&self, edge: usize) -> &[u32] {
         &self.edge_faces[self.first_face[edge] as usize..self.first_face[edge + 1] as usize]
+    }
+
+    /// Whether two of these faces have different materials: the surface changes its colour where they meet.
+    pub fn changes_material(&self, faces: &[u32]) -> bool {
+        let material = |f: &u32| self.materials.get(*f as usize);
+        faces
+            .windows(2)
+            .any(|pair| material(&pair[0]) != material(&pair[1]))
     }
 
     /// The one predicate that says which side of a face is seen (Eq. 1): the sign of `N · (eye - vertex)`, with zero
@@ -244,6 +255,15 @@ impl Sides {
             adjacency,
             ascending,
         }
+    }
+}
+
+fn materials(mesh: &Mesh) -> Vec<u32> {
+    let own = &mesh.face_materials;
+    if own.len() == mesh.faces.len() && own.windows(2).any(|pair| pair[0] != pair[1]) {
+        own.clone()
+    } else {
+        Vec::new()
     }
 }
 

@@ -39,6 +39,9 @@ fn brute(
                 let cosine = adjacency.normals[*a as usize].dot(adjacency.normals[*b as usize]);
                 a != b && cosine < f64::from(crease_angle).to_radians().cos()
             })
+        }) || faces.iter().any(|a| {
+            let material = |f: &u32| adjacency.materials.get(*f as usize);
+            faces.iter().any(|b| material(a) != material(b))
         });
         let differ = match (faces.len(), adjacency.twisted[edge]) {
             (2, true) => {
@@ -145,6 +148,26 @@ fn the_tree_finds_what_brute_force_finds() {
             }
         }
     }
+}
+
+#[test]
+fn faces_of_different_materials_meet_in_an_edge() {
+    let mut mesh = test_meshes::torus(24, 12, 1.0, 0.4);
+    mesh.face_materials = (0..mesh.faces.len() as u32).map(|f| f / 100).collect();
+    let adjacency = Adjacency::new(&mesh);
+    let tree = EdgeTree::new(&adjacency, 85.0);
+    let (mut scratch, mut found) = (TreeScratch::default(), Vec::new());
+    for eye in eyes(&adjacency, 40) {
+        found.clear();
+        let (eye, options) = (EyeBox::point(eye), FindOptions::default());
+        tree.find(&adjacency, &eye, options, &mut scratch, &mut found);
+        found.sort_unstable();
+        assert_eq!(found, brute(&adjacency, 85.0, &eye, options));
+        let creases = found.iter().filter(|(_, kind)| *kind == EdgeKind::Crease);
+        assert!(creases.count() > 20);
+    }
+    mesh.face_materials.fill(3);
+    assert!(Adjacency::new(&mesh).materials.is_empty());
 }
 
 #[test]

@@ -25,7 +25,7 @@ pub(super) const TINY: f32 = 1e-30;
 pub enum EdgeKind {
     /// Between a face that is seen from the front and one that is seen from behind (paper section 6.1).
     Silhouette,
-    /// Sharper than the object's crease angle (paper section 6.2).
+    /// Sharper than the object's crease angle (paper section 6.2), or between faces of different materials.
     Crease,
     /// Has one face only.
     Border,

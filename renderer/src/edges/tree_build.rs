@@ -83,7 +83,7 @@ pub(super) fn build(adjacency: &Adjacency, crease_angle: f32) -> EdgeTree {
     let mut items = Vec::with_capacity(adjacency.edges.len());
     for edge in 0..adjacency.edges.len() {
         let faces = adjacency.faces(edge);
-        let crease = is_crease(adjacency, faces, cosine);
+        let crease = is_crease(adjacency, faces, cosine) || adjacency.changes_material(faces);
         if faces.len() != 2 || crease || adjacency.twisted[edge] {
             let solid = faces.iter().all(|f| adjacency.solid[*f as usize]);
             special.push(Special {
