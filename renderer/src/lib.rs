@@ -14,6 +14,7 @@ pub mod filters;
 pub mod frame;
 pub mod headless;
 pub mod link;
+pub mod maps;
 pub mod points;
 pub mod sampling;
 pub mod servers;

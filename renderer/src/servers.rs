@@ -157,6 +157,7 @@ impl Servers {
             view: r.view,
             epoch: r.epoch,
             sample: r.sample,
+            texel: r.texel,
         }));
         for triple in self.met.drain(..) {
             if self.triples.insert(triple) {

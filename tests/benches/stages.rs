@@ -70,10 +70,14 @@ impl Recording {
         let mut playback = Playback::new(&recording);
         for frame in 0..FRAMES {
             let pinhole = Pinhole::new(&recording.view(frame).camera());
-            let mut shade = |request: &SampleRequest| Received {
-                view: frame as u32,
-                epoch: 0,
-                sample: shader.shade(request.id, &pinhole.ray(request)),
+            let mut shade = |request: &SampleRequest| {
+                let shaded = shader.shade(request.id, &pinhole.ray(request));
+                Received {
+                    view: frame as u32,
+                    epoch: 0,
+                    sample: shaded.sample,
+                    texel: shaded.texel,
+                }
             };
             let received: Vec<Received> = playback.wanted.here.iter().map(&mut shade).collect();
             playback.draw(&received);

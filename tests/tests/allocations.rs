@@ -128,10 +128,14 @@ fn the_frame_loop_allocates_nothing_once_warm() {
         received.clear();
         for (requests, camera) in [(&wanted.here, here), (&wanted.ahead, next)] {
             let pinhole = Pinhole::new(&camera.camera());
-            received.extend(requests.iter().map(|request: &SampleRequest| Received {
-                view: number,
-                epoch: 0,
-                sample: shader.shade(request.id, &pinhole.ray(request)),
+            received.extend(requests.iter().map(|request: &SampleRequest| {
+                let shaded = shader.shade(request.id, &pinhole.ray(request));
+                Received {
+                    view: number,
+                    epoch: 0,
+                    sample: shaded.sample,
+                    texel: shaded.texel,
+                }
             }));
         }
         let mut met = shader.take_triples();

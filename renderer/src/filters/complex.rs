@@ -14,6 +14,7 @@ mod tables;
 use crate::edges::crossings::Crossings;
 use crate::epi::Epi;
 use crate::epi::grid::Grid;
+use crate::maps::paint::Paint;
 use crate::points::PixelSamples;
 use subpixels::{Subpixels, WINDOWS, at_corner, bits};
 use tables::{PIXEL_OF, SubTables};
@@ -39,6 +40,8 @@ pub struct Inputs<'a> {
     pub samples: &'a PixelSamples,
     /// Bit plane: the pixel's colour is not founded on samples and must not be lent.
     pub bare: &'a [u64],
+    /// Maps that samples were shaded without and pixels wear.
+    pub paint: Option<&'a Paint>,
     /// What may be interpolated.
     pub sources: Sources,
 }
@@ -165,7 +168,9 @@ impl ComplexFilter {
             let offset = [inputs.samples.x[at], inputs.samples.y[at]];
             if let Some((bit, region)) = self.tables.locate(sub, (pixel % 3, pixel / 3), offset) {
                 seeds.sampled[region] |= bit;
-                seeds.of_samples[pixel] = inputs.samples.rgb.each_ref().map(|plane| plane[at]);
+                let factor = inputs.paint.map_or([1.0; 3], |paint| paint.factor(at));
+                seeds.of_samples[pixel] =
+                    std::array::from_fn(|k| inputs.samples.rgb[k][at] * factor[k]);
             }
         }
         if inputs.sources == Sources::SamplesAndNeighbours {

@@ -99,6 +99,7 @@ fn received(epoch: u32, id: u64, position: [f32; 3], object: u32, flags: u32) ->
         view: 1,
         epoch,
         sample,
+        texel: None,
     }
 }
 

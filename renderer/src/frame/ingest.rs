@@ -1,12 +1,14 @@
 //! Taking samples in.
 
-use protocol::messages::{Sample, flags};
+use protocol::messages::{Sample, Texel, flags};
 
 use super::Display;
 use crate::camera::View;
 use crate::epi::code::Side;
+use crate::maps::PointTexel;
 use crate::points::pixels::NO_POINT;
 use crate::points::project::FAR_DEPTH;
+use crate::points::still::Colours;
 use crate::stats::Stage;
 
 /// A sample and the view that it was asked for.
@@ -18,6 +20,8 @@ pub struct Received {
     pub epoch: u32,
     /// The sample.
     pub sample: Sample,
+    /// What a diffuse map did to it, if the server said so.
+    pub texel: Option<Texel>,
 }
 
 /// How near in depth a new sample must lie to the point of its pixel to take its slot, as a share of the depth.
@@ -44,13 +48,14 @@ impl Display {
             self.late += 1;
             return;
         }
-        let sample = &received.sample;
+        let (sample, texel) = self.flatten(received);
+        let sample = &sample;
         let Some(view) = self.view else {
-            self.insert(sample, None);
+            self.insert(sample, texel, None);
             return;
         };
         let Some((x_px, y_px, depth)) = place(&view, sample) else {
-            self.insert(sample, None);
+            self.insert(sample, texel, None);
             return;
         };
         let (x, y) = (x_px as usize, y_px as usize);
@@ -63,7 +68,7 @@ impl Display {
             self.pixels.point[at] = NO_POINT;
             self.pixels.depth[at] = f32::INFINITY;
         }
-        let slot = self.insert(sample, replaced);
+        let slot = self.insert(sample, texel, replaced);
         if let Some(slot) = slot.filter(|_| same || depth < self.pixels.depth[at]) {
             self.pixels.point[at] = slot;
             self.pixels.depth[at] = depth;
@@ -71,6 +76,10 @@ impl Display {
         let lasts = received.view == self.view_number && self.view_number == view_number;
         if lasts && self.choices.settle.is_on() {
             let offset = [x_px - x as f32, y_px - y as f32];
+            let colours = Colours {
+                rgb: received.sample.radiance,
+                flat: sample.radiance,
+            };
             let code = self.epi.code_at(x, y);
             let region = code.is_simple().then(|| {
                 let tables = self.epi.tables();
@@ -81,16 +90,26 @@ impl Display {
                 }
             });
             if sample.flags & flags::PROVISIONAL != 0 {
-                self.still.add_provisional((x, y), offset, sample.radiance);
+                self.still.add_provisional((x, y), offset, colours);
             } else {
-                self.still
-                    .add((x, y), offset, sample.radiance, region.flatten());
+                self.still.add((x, y), offset, colours, region.flatten());
             }
         }
     }
 
-    fn insert(&mut self, sample: &Sample, replaced: Option<u32>) -> Option<u32> {
+    /// The sample without its map, and what its point remembers of that.
+    fn flatten(&self, received: &Received) -> (Sample, PointTexel) {
+        let sample = received.sample;
+        let flat = received.texel.as_ref().zip(self.maps.as_ref());
+        let flat =
+            flat.and_then(|(texel, maps)| maps.flatten(sample.object, sample.radiance, texel));
+        let (radiance, texel) = flat.unwrap_or((sample.radiance, PointTexel::NONE));
+        (Sample { radiance, ..sample }, texel)
+    }
+
+    fn insert(&mut self, sample: &Sample, texel: PointTexel, replaced: Option<u32>) -> Option<u32> {
         let slot = self.cache.insert(sample, replaced)?;
+        self.cache.set_texel(slot, texel);
         self.due.clear(slot);
         let eye = self.view.map_or(glam::Vec3::ZERO, |view| view.eye);
         self.renewal

@@ -23,6 +23,8 @@ use crate::filters::antialias::{self, Antialias};
 use crate::filters::complex::{self, ComplexFilter};
 use crate::filters::interpolate::{self, Interpolated, Interpolator, Neighbours};
 use crate::filters::settle::settle;
+use crate::maps::Maps;
+use crate::maps::paint::{self, Paint};
 use crate::points::between::Between;
 use crate::points::cull::{Suspect, cull, cull_by_depth};
 use crate::points::project::{Nearest, Projected, project};
@@ -37,6 +39,7 @@ use crate::stats::{FrameStats, PixelKinds, Stage, StageMs};
 
 pub use edges::{EdgeStage, Effort, SPARSEST_PX};
 pub use ingest::Received;
+pub(crate) use placed::wide;
 pub use placed::{Changes, Edit, Placed, Thing};
 pub use plan::Wanted;
 
@@ -59,6 +62,9 @@ pub struct Display {
     still: Still,
     edges: EdgeStage,
     placed: Placed,
+    /// Nothing in a scene without maps.
+    maps: Option<Maps>,
+    paint: Option<Paint>,
     epoch: u32,
     late: u64,
     due: Due,
@@ -100,7 +106,7 @@ impl Display {
             PlaceBits::Six => Places::Bits6,
             PlaceBits::Eight => Places::Bits8,
         };
-        Self {
+        let mut display = Self {
             level: Level::new(),
             pool: None,
             choices,
@@ -117,6 +123,8 @@ impl Display {
             still: Still::new(grid),
             edges: EdgeStage::new(scene, choices, grid),
             placed: Placed::new(scene),
+            maps: Maps::new(scene),
+            paint: None,
             epoch: 0,
             late: 0,
             due: Due::new(capacity),
@@ -144,6 +152,16 @@ impl Display {
             last_id: 0,
             samples_new: 0,
             stage_ms: StageMs::default(),
+        };
+        display.make_room_for_maps();
+        display
+    }
+
+    /// Keeps what maps need, if the scene has any.
+    fn make_room_for_maps(&mut self) {
+        if self.maps.is_some() {
+            self.cache.remember_maps();
+            self.paint = Some(Paint::new(self.grid));
         }
     }
 
@@ -287,7 +305,7 @@ impl Display {
             let at = grid.at(x, y);
             [self.pixels.x[at], self.pixels.y[at]] = place;
             self.pixels.count[at] = mean.count;
-            for (plane, value) in self.pixels.rgb.iter_mut().zip(mean.rgb) {
+            for (plane, value) in self.pixels.rgb.iter_mut().zip(mean.flat) {
                 plane[at] = value;
             }
             let (word, bit) = grid.bit(x, y);
@@ -307,17 +325,10 @@ impl Display {
             Interpolation::Paper => interpolate::Method::FixedWeights,
             Interpolation::Linear => interpolate::Method::LinearFit,
         };
-        let near = Neighbours {
-            right: &self.reach.steps.right[0],
-            down: &self.reach.steps.down[0],
-            simple: &self.epi.simple,
-            complex: &self.epi.complex,
-            has: &self.epi.has_sample,
-        };
         let inputs = interpolate::Inputs {
             method,
             samples: &self.pixels,
-            near,
+            near: neighbours(&self.reach, &self.epi),
             centre_x: &self.epi.centre_px[0],
             centre_y: &self.epi.centre_px[1],
         };
@@ -327,6 +338,25 @@ impl Display {
         for (to, from) in self.image.iter_mut().zip(&self.interpolated.rgb) {
             to.copy_from_slice(from);
         }
+        self.put_on_maps();
+    }
+
+    /// Multiplies the colours of primary regions by what their maps are there.
+    fn put_on_maps(&mut self) {
+        let (Some(maps), Some(paint), Some(view)) = (&self.maps, &mut self.paint, &self.view)
+        else {
+            return;
+        };
+        let placed = &self.placed;
+        let inputs = paint::Inputs {
+            view,
+            samples: &self.pixels,
+            cache: &self.cache,
+            near: neighbours(&self.reach, &self.epi),
+            placed,
+        };
+        paint.find(maps, &inputs);
+        paint.apply(&mut self.image);
     }
 
     fn reconstruct_complex(&mut self) {
@@ -335,6 +365,7 @@ impl Display {
             crossings: self.edges.crossings(),
             samples: &self.pixels,
             bare: &self.interpolated.bare,
+            paint: self.paint.as_ref(),
             sources: complex::Sources::default(),
         };
         self.complex.apply(&inputs, &mut self.image);
@@ -460,6 +491,17 @@ impl Display {
             points: self.cache.len(),
             ..FrameStats::default()
         }
+    }
+}
+
+/// Which primary regions of the frame reach those beside them.
+fn neighbours<'a>(reach: &'a ReachMap, epi: &'a Epi) -> Neighbours<'a> {
+    Neighbours {
+        right: &reach.steps.right[0],
+        down: &reach.steps.down[0],
+        simple: &epi.simple,
+        complex: &epi.complex,
+        has: &epi.has_sample,
     }
 }
 

@@ -255,7 +255,7 @@ fn mesh_bounds(mesh: &protocol::scene::Mesh) -> [Vec3; 2] {
 }
 
 /// Rows of a transform as a map in double precision.
-pub(super) fn wide(rows: &Affine) -> DAffine3 {
+pub(crate) fn wide(rows: &Affine) -> DAffine3 {
     let column = |k: usize| DVec3::from([rows[0][k], rows[1][k], rows[2][k]].map(f64::from));
     DAffine3::from_mat3_translation(DMat3::from_cols(column(0), column(1), column(2)), column(3))
 }

@@ -26,6 +26,8 @@ impl Display {
         let mut fresh = Self::new(&nothing, choices, width, height, self.seed);
         std::mem::swap(&mut fresh.edges, &mut self.edges);
         std::mem::swap(&mut fresh.placed, &mut self.placed);
+        std::mem::swap(&mut fresh.maps, &mut self.maps);
+        fresh.make_room_for_maps();
         (fresh.epoch, fresh.late) = (self.epoch, self.late);
         fresh.edges.reshape(choices, fresh.grid);
         (fresh.plans, fresh.last_id) = (self.plans, self.last_id);
@@ -58,6 +60,7 @@ impl Display {
             };
             if let Some(copy) = self.cache.insert(&sample, None) {
                 self.cache.age[copy as usize] = cache.age[slot];
+                self.cache.set_texel(copy, *cache.texel(slot as u32));
                 self.due.clear(copy);
                 if from.due.is_due(slot as u32) {
                     self.due.set(copy);
@@ -101,6 +104,7 @@ mod tests {
                     radiance: [0.5, 0.25, 0.125],
                     flags: 0,
                 },
+                texel: None,
             }
         };
         wanted.here.iter().map(answer).collect()

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use protocol::framing::{FrameError, Receiver, Sender};
 use protocol::handshake::hello;
-use protocol::messages::SampleRequest;
+use protocol::messages::{Sample, SampleRequest, Texel};
 use protocol::session::{DisplayEvent, DisplaySession, SceneSize, Violation};
 use protocol::transfer::EncodedScene;
 use protocol::{ToDisplay, ToServer};
@@ -147,15 +147,19 @@ impl Connection<'_> {
                     samples,
                 },
             ) => {
-                let mut state = self.shared.lock();
-                let current = self.is_current(epoch, state.edits.epoch());
-                let epoch = state.edits.epoch();
-                let samples = samples.into_iter().map(|sample| ReceivedSample {
+                let samples = samples.into_iter().map(|sample| (sample, None));
+                first = self.deliver(view, epoch, samples);
+            }
+            (
+                DisplayEvent::Samples,
+                ToDisplay::Textured {
                     view,
                     epoch,
-                    sample,
-                });
-                first = state.deliver(self.server, samples, current);
+                    samples,
+                },
+            ) => {
+                let samples = samples.into_iter().map(|t| (t.sample, Some(t.texel)));
+                first = self.deliver(view, epoch, samples);
             }
             (DisplayEvent::Triples, ToDisplay::Triples { epoch, triples }) => {
                 let mut state = self.shared.lock();
@@ -174,6 +178,25 @@ impl Connection<'_> {
             waker();
         }
         Ok(())
+    }
+
+    /// Hands samples over; true if there were none before.
+    fn deliver(
+        &self,
+        view: u32,
+        session_epoch: u32,
+        samples: impl ExactSizeIterator<Item = (Sample, Option<Texel>)>,
+    ) -> bool {
+        let mut state = self.shared.lock();
+        let epoch = state.edits.epoch();
+        let current = self.is_current(session_epoch, epoch);
+        let samples = samples.map(|(sample, texel)| ReceivedSample {
+            view,
+            epoch,
+            sample,
+            texel,
+        });
+        state.deliver(self.server, samples, current)
     }
 
     /// Whether a session's epoch stands for the scene as it is now.

@@ -8,7 +8,7 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use protocol::messages::{Camera, LightMove, ObjectMove, Sample, SampleRequest, Triple};
+use protocol::messages::{Camera, LightMove, ObjectMove, Sample, SampleRequest, Texel, Triple};
 use protocol::scene::Scene;
 use protocol::transfer::{EncodedScene, TransferError};
 use protocol::validate::{ValueError, validate_camera};
@@ -27,6 +27,8 @@ pub struct ReceivedSample {
     pub epoch: u32,
     /// The sample; its id is that of the request.
     pub sample: Sample,
+    /// What a diffuse map did to it, if the server said so.
+    pub texel: Option<Texel>,
 }
 
 /// Where a server comes from.

@@ -23,6 +23,7 @@ fn deliver(state: &mut State, server: usize, ids: &[u64], current: bool) -> bool
         view: 1,
         epoch: 0,
         sample: answer(0, id),
+        texel: None,
     };
     state.deliver(server, ids.iter().map(received), current)
 }

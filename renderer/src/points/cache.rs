@@ -3,6 +3,8 @@
 use glam::Vec3;
 use protocol::messages::{Sample, flags};
 
+use crate::maps::PointTexel;
+
 /// Frames for which a point that was found visible, or has just come in, is taken to be so.
 const TRUSTED: u8 = 6;
 
@@ -47,6 +49,8 @@ pub struct PointCache {
     pub rgb: Vec<[f32; 3]>,
     /// Object and flags.
     pub info: Vec<PointInfo>,
+    /// What each point remembers of its surface's map; empty in a scene without maps.
+    texels: Vec<PointTexel>,
     /// Grows each frame from 0 (new) to 255 (the next to be evicted).
     pub age: Vec<u8>,
     /// What is known of whether the point is hidden: see [`SEEN`], [`VOUCHED`] and [`FRAMES`].
@@ -74,6 +78,7 @@ impl PointCache {
                 };
                 capacity
             ],
+            texels: Vec::new(),
             age: vec![0; capacity],
             sight: vec![0; capacity],
             free: (0..capacity as u32).rev().collect(),
@@ -81,6 +86,24 @@ impl PointCache {
             hand: 0,
             used: 0,
             evicted: 0,
+        }
+    }
+
+    /// Makes room for what points remember of maps.
+    pub fn remember_maps(&mut self) {
+        self.texels = vec![PointTexel::NONE; self.capacity()];
+    }
+
+    /// What a point remembers of its surface's map.
+    #[inline]
+    pub fn texel(&self, slot: u32) -> &PointTexel {
+        self.texels.get(slot as usize).unwrap_or(&PointTexel::NONE)
+    }
+
+    /// Has a point remember its surface's map, if there is [room](PointCache::remember_maps).
+    pub fn set_texel(&mut self, slot: u32, texel: PointTexel) {
+        if let Some(here) = self.texels.get_mut(slot as usize) {
+            *here = texel;
         }
     }
 

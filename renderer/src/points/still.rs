@@ -7,6 +7,21 @@ use crate::epi::grid::Grid;
 /// A sample's region in a simple pixel: 0 outer (with the top-left corner), 1 inner.
 pub type Region = usize;
 
+/// Colour of a raw sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Colours {
+    /// Linear radiance as it came.
+    pub rgb: [f32; 3],
+    /// The same under its map's mean (see [`crate::maps`]); as it came where there is no map.
+    pub flat: [f32; 3],
+}
+
+impl From<[f32; 3]> for Colours {
+    fn from(rgb: [f32; 3]) -> Self {
+        Self { rgb, flat: rgb }
+    }
+}
+
 /// Mean of a set of raw samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Mean {
@@ -14,6 +29,8 @@ pub struct Mean {
     pub count: f32,
     /// Their mean linear radiance.
     pub rgb: [f32; 3],
+    /// The mean of their colours under the mean of their maps.
+    pub flat: [f32; 3],
     /// Their mean place in the pixel, [0, 1).
     pub place: [f32; 2],
     /// Sum of squared deviations of display-encoded luminance from its mean.
@@ -23,10 +40,14 @@ pub struct Mean {
 
 impl Mean {
     /// Takes one more sample in.
-    pub fn add(&mut self, rgb: [f32; 3], place: [f32; 2]) {
+    pub fn add(&mut self, colours: impl Into<Colours>, place: [f32; 2]) {
+        let Colours { rgb, flat } = colours.into();
         self.count += 1.0;
         let share = 1.0 / self.count;
         for (mean, value) in self.rgb.iter_mut().zip(rgb) {
+            *mean += (value - *mean) * share;
+        }
+        for (mean, value) in self.flat.iter_mut().zip(flat) {
             *mean += (value - *mean) * share;
         }
         for (mean, value) in self.place.iter_mut().zip(place) {
@@ -133,13 +154,18 @@ impl Still {
 
     /// Takes a provisional sample in, if there is nothing better: it stands for its pixel alone and until the first that is
     /// for good.
-    pub fn add_provisional(&mut self, (x, y): (usize, usize), place: [f32; 2], rgb: [f32; 3]) {
+    pub fn add_provisional(
+        &mut self,
+        (x, y): (usize, usize),
+        place: [f32; 2],
+        colours: impl Into<Colours>,
+    ) {
         let (word, bit) = self.grid.bit(x, y);
         let is_first = self.whole(x, y).count == 0.0;
         if !is_first && self.provisional[word] >> bit & 1 == 0 {
             return;
         }
-        self.add((x, y), place, rgb, None);
+        self.add((x, y), place, colours, None);
         self.provisional[word] |= 1 << bit;
     }
 
@@ -148,9 +174,10 @@ impl Still {
         &mut self,
         (x, y): (usize, usize),
         place: [f32; 2],
-        rgb: [f32; 3],
+        colours: impl Into<Colours>,
         side: Option<(u16, Region)>,
     ) {
+        let colours = colours.into();
         let pixel = y * self.grid.width + x;
         self.samples += 1;
         let (word, bit) = self.grid.bit(x, y);
@@ -160,7 +187,7 @@ impl Still {
             self.whole[pixel] = Mean::default();
             self.provisional[word] &= !(1 << bit);
         }
-        self.whole[pixel].add(rgb, place);
+        self.whole[pixel].add(colours, place);
         if let Some((code, region)) = side {
             let slot = &mut self.split_of[pixel];
             if *slot == NO_SPLIT {
@@ -177,7 +204,7 @@ impl Still {
                     ..Split::default()
                 };
             }
-            split.regions[region].add(rgb, place);
+            split.regions[region].add(colours, place);
         }
         if self.marked[word] >> bit & 1 == 0 {
             self.marked[word] |= 1 << bit;

@@ -141,6 +141,7 @@ mod tests {
                     radiance: [w.x.into(), w.y.into(), 1.0],
                     flags: 0,
                 },
+                texel: None,
             });
             baseline.take(&received.collect::<Vec<_>>());
             assert_eq!(baseline.traced(), width * height);

@@ -100,10 +100,14 @@ impl Run {
         ];
         for (requests, (from, asked)) in batches {
             let pinhole = Pinhole::new(&from.camera());
-            let shaded = requests.iter().map(|request: &SampleRequest| Received {
-                view: asked,
-                epoch: self.epoch,
-                sample: shader.shade(request.id, &pinhole.ray(request)),
+            let shaded = requests.iter().map(|request: &SampleRequest| {
+                let shaded = shader.shade(request.id, &pinhole.ray(request));
+                Received {
+                    view: asked,
+                    epoch: self.epoch,
+                    sample: shaded.sample,
+                    texel: shaded.texel,
+                }
             });
             self.received.extend(shaded);
         }

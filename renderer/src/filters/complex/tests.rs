@@ -169,7 +169,7 @@ proptest! {
         let before = colours.clone();
         let bare: Vec<u64> = (0..epi.grid.plane_words()).map(|_| random.next()).collect();
         let sources = if seed & 1 == 0 { Sources::Samples } else { Sources::SamplesAndNeighbours };
-        let inputs = Inputs { epi: &epi, crossings: &crossings, samples: &samples, bare: &bare, sources };
+        let inputs = Inputs { epi: &epi, crossings: &crossings, samples: &samples, bare: &bare, paint: None, sources };
         let outcome = ComplexFilter::default().apply(&inputs, &mut colours);
         prop_assert_eq!(outcome.pixels, epi.counts.complex);
         for (x, y) in (0..epi.grid.height).flat_map(|y| (0..epi.grid.width).map(move |x| (x, y))) {
@@ -316,6 +316,7 @@ fn errors(share: f64, bars: usize, filters: &[(Sources, f32)]) -> Vec<f64> {
                 crossings: &scene.crossings,
                 samples: &scene.samples,
                 bare: &scene.plain.bare,
+                paint: None,
                 sources,
             };
             let mut colours = scene.plain.rgb.clone();
@@ -401,6 +402,7 @@ fn does_no_harm_where_all_is_complex() {
         crossings: &scene.crossings,
         samples: &scene.samples,
         bare: &scene.plain.bare,
+        paint: None,
         sources: Sources::default(),
     };
     ComplexFilter::default().apply(&inputs, &mut colours);
