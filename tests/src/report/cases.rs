@@ -83,18 +83,46 @@ pub fn with_shadows(places: &Places, work: &Path, quick: bool) -> io::Result<Vec
         )?;
     }
     // Last, since it takes longest and gets what time the others leave.
-    let dragon = places.shared.as_ref().map(|s| s.join("references/dragon"));
-    if let Some(folder) = dragon.filter(|f| !quick && f.join("ref.exr").is_file()) {
+    cases.extend(scanned_dragon(places).filter(|_| !quick));
+    Ok(cases)
+}
+
+/// The five scenes of the 2003 paper as this project has them, written into `work`, the scanned dragon where it is found, and
+/// the torus on a capsule; that one alone if `quick` is set.
+///
+/// # Errors
+/// When a scene file cannot be written into `work`.
+pub fn of_the_paper(places: &Places, work: &Path, quick: bool) -> io::Result<Vec<Case>> {
+    let names: &[&str] = if quick {
+        &["torus"]
+    } else {
+        &["rooms", "chains", "mack", "head", "dragon", "torus"]
+    };
+    let mut cases = Vec::new();
+    for name in names {
+        let scene = work.join(format!("{name}.toml"));
+        fs::write(&scene, scenes::builtin_text(name).unwrap_or_default())?;
         cases.push(Case {
-            name: "dragon-reference".to_owned(),
-            scene: folder.join("dragon.toml"),
-            picture: Some(folder.join("ref.exr")),
-            path: Some("move".to_owned()),
-            remark: "The scanned dragon under a grid, one small light; judged by a Mitsuba 3 picture of the same scene."
-                .to_owned(),
+            name: (*name).to_owned(),
+            scene,
+            picture: None,
+            path: Some("orbit".to_owned()),
+            remark: String::new(),
         });
     }
+    cases.extend(scanned_dragon(places).filter(|_| !quick));
     Ok(cases)
+}
+
+fn scanned_dragon(places: &Places) -> Option<Case> {
+    let folder = places.shared.as_ref()?.join("references/dragon");
+    folder.join("ref.exr").is_file().then(|| Case {
+        name: "dragon-reference".to_owned(),
+        scene: folder.join("dragon.toml"),
+        picture: Some(folder.join("ref.exr")),
+        path: Some("move".to_owned()),
+        remark: "The scanned dragon under a grid, one small light; judged by a Mitsuba 3 picture of the same scene.".to_owned(),
+    })
 }
 
 /// A scene's text with every area light shrunk to a point in its middle, as bright as it is along its normal.

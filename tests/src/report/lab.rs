@@ -126,6 +126,8 @@ pub struct Lab<'a> {
     pub cases: Vec<Case>,
     /// The scenes in which shadow edges must pay.
     pub shadow_cases: Vec<Case>,
+    /// Those of the 2003 paper's tables.
+    pub paper_cases: Vec<Case>,
     /// The machine measured on.
     pub machine: Machine,
     work: PathBuf,
@@ -158,6 +160,7 @@ impl<'a> Lab<'a> {
             settings,
             cases,
             shadow_cases: Vec::new(),
+            paper_cases: Vec::new(),
             machine,
             work,
             start,

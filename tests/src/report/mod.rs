@@ -122,6 +122,7 @@ fn measure(
         &places.checkout,
     );
     lab.shadow_cases = cases::with_shadows(places, work.path(), args.quick).map_err(in_folder)?;
+    lab.paper_cases = cases::of_the_paper(places, work.path(), args.quick).map_err(in_folder)?;
     let wanted = |s: &&Section| args.only.is_empty() || args.only.iter().any(|name| name == s.name);
     let chosen: Vec<&Section> = sections::ALL.iter().filter(wanted).collect();
     let end = Instant::now() + if args.quick { QUICK_TIME } else { FULL_TIME };
