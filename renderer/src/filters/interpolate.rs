@@ -3,7 +3,7 @@
 //!
 //! Two methods. [`Method::FixedWeights`] is the paper's: a weight an offset, renormalised over what is reachable (the
 //! paper's own weights are in a lost figure; any sharply peaked set does). [`Method::LinearFit`] knows where in its
-//! pixel each sample lies and fits a plane to them. Both work on blocks of pixels ([`super::blocks`]).
+//! pixel each sample lies and fits a plane to them. Both work on blocks of pixels (`blocks`).
 
 use fearless_simd::{Level, dispatch};
 use rayon::ThreadPool;
