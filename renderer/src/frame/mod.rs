@@ -26,6 +26,7 @@ use crate::filters::settle::settle;
 use crate::maps::Maps;
 use crate::maps::paint::{self, Paint};
 use crate::points::between::Between;
+use crate::points::cache::ALL_ASKED;
 use crate::points::cull::{Suspect, cull, cull_by_depth};
 use crate::points::project::{Nearest, Projected, project};
 use crate::points::renew::Renewal;
@@ -54,6 +55,8 @@ pub struct Display {
     stale: bool,
     /// The frame's view is not that of the one before.
     moving: bool,
+    /// Frames for which points are still projected and told hidden from visible after the view came to rest.
+    unrest: u8,
     view_number: u32,
     cache: PointCache,
     nearest: Nearest,
@@ -115,6 +118,7 @@ impl Display {
             view: None,
             stale: true,
             moving: false,
+            unrest: 0,
             view_number: 0,
             cache: PointCache::new(capacity),
             nearest: Nearest::default(),
@@ -204,12 +208,17 @@ impl Display {
     /// the view: samples asked for under it may be averaged while it lasts.
     pub fn draw(&mut self, view: &View, view_number: u32) {
         self.moving = self.view != Some(*view);
-        let moved = self.moving || self.stale;
         self.view_number = view_number;
         if self.moving {
+            if self.view.is_some_and(|before| self.jumps(&before, view)) {
+                self.cache.doubt_all();
+            }
             self.view = Some(*view);
             self.still.clear();
+            self.unrest = ALL_ASKED;
         }
+        let moved = self.moving || self.stale || self.unrest > 0;
+        self.unrest = self.unrest.saturating_sub(1);
         self.stale = false;
         let settling = self.choices.settle.is_on();
         // Edges that rays decide about need no points; those edges then help to tell hidden points.
@@ -241,6 +250,22 @@ impl Display {
         self.stage_ms = ms;
     }
 
+    /// Whether the eye goes so far at once that what hid nothing before may hide anything now.
+    fn jumps(&self, before: &View, view: &View) -> bool {
+        let grid = self.grid;
+        let (mut near, mut all) = (0, 0);
+        let reach = JUMP * before.eye.distance(view.eye);
+        for y in (0..grid.height).step_by(PROBED) {
+            for x in (0..grid.width).step_by(PROBED) {
+                if self.pixels.has_sample(x, y) {
+                    all += 1;
+                    near += usize::from(self.pixels.depth[grid.at(x, y)] < reach);
+                }
+            }
+        }
+        2 * near > all
+    }
+
     fn find_edges(&mut self, view: &View) {
         let mut ms = std::mem::take(&mut self.stage_ms);
         self.edges
@@ -264,6 +289,7 @@ impl Display {
         });
         ms.time(Stage::Depth, || self.cull_points(view, edges_known));
         ms.time(Stage::Reproject, || self.weigh_due());
+        self.still.change_all();
         self.stage_ms = ms;
     }
 
@@ -493,6 +519,12 @@ impl Display {
         }
     }
 }
+
+/// The eye jumps if most of what it saw is nearer than so many times its step.
+const JUMP: f32 = 8.0;
+
+/// Pixels between those at whose depth is looked for that.
+const PROBED: usize = 8;
 
 /// Which primary regions of the frame reach those beside them.
 fn neighbours<'a>(reach: &'a ReachMap, epi: &'a Epi) -> Neighbours<'a> {

@@ -8,6 +8,9 @@ use crate::maps::PointTexel;
 /// Frames for which a point that was found visible, or has just come in, is taken to be so.
 const TRUSTED: u8 = 6;
 
+/// Frames after which every point has been asked about that was in sight all the while.
+pub const ALL_ASKED: u8 = TRUSTED + SPREAD as u8;
+
 /// Slots that are trusted for a frame more or less than each other, so that not all are asked about at once.
 const SPREAD: u32 = 5;
 
@@ -205,6 +208,13 @@ impl PointCache {
             } else {
                 (*sight & !SEEN) - trusted
             };
+        }
+    }
+
+    /// Says that it is not known any more of any point whether something hides it.
+    pub fn doubt_all(&mut self) {
+        for sight in &mut self.sight[..self.reach] {
+            *sight &= SEEN;
         }
     }
 

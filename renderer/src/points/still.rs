@@ -233,6 +233,20 @@ impl Still {
         &self.changed
     }
 
+    /// Puts every pixel that has samples on the list of changed ones.
+    pub fn change_all(&mut self) {
+        self.forget_changed();
+        for &pixel in &self.touched {
+            let (x, y) = (
+                pixel as usize % self.grid.width,
+                pixel as usize / self.grid.width,
+            );
+            let (word, bit) = self.grid.bit(x, y);
+            self.marked[word] |= 1 << bit;
+            self.changed.push(pixel);
+        }
+    }
+
     /// Starts a new list of changed pixels.
     pub fn forget_changed(&mut self) {
         for &pixel in &self.changed {

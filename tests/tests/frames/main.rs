@@ -2,6 +2,7 @@
 
 mod coincident;
 mod drive;
+mod jump;
 mod shadow_edges;
 mod shadows;
 mod switch;
