@@ -520,7 +520,8 @@ impl Display {
     }
 }
 
-/// The eye jumps if most of what it saw is nearer than so many times its step.
+/// The eye jumps if most of what it saw is nearer than so many times its step: what it sees then turns by more than 7 degrees
+/// (one over this) from one frame to the next, where the orbit of Chains turns by 3.
 const JUMP: f32 = 8.0;
 
 /// Pixels between those at whose depth is looked for that.

@@ -52,7 +52,7 @@ pub struct Maps {
     maps: Vec<Map>,
     /// Of each map; no channel is less than [`DARKEST`].
     means: Vec<Vec3>,
-    /// Faces of each object; empty where none has a map.
+    /// For each object, which of `meshes` it is; the first, which is empty, where none of its faces has a map.
     objects: Vec<usize>,
     meshes: Vec<Vec<Face>>,
 }

@@ -41,8 +41,8 @@ impl Projected {
         }
     }
 
-    /// Texture coordinates at an image point, pixels, and how a pixel lies around them. Nothing where the ray does not meet
-    /// the plane in front of the eye; `side` is the sign of W where the face itself is seen.
+    /// Texture coordinates at an image point, pixels, and how a pixel lies around them. Nothing where they are not
+    /// finite; whether the plane is met in front of the eye is [`Projected::side`]'s to say.
     #[inline]
     pub(super) fn at(&self, x: f32, y: f32) -> Option<(Vec2, Footprint)> {
         let [u, v, w] = self.rows.map(|r| r[0] + x * r[1] + y * r[2]);
