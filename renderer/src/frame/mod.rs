@@ -2,6 +2,7 @@
 
 mod edges;
 mod edit;
+mod filters;
 mod ingest;
 mod placed;
 mod plan;
@@ -14,17 +15,12 @@ use protocol::scene::Scene;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
 use crate::camera::View;
-use crate::config::{Choices, Culling, Interpolation, Method, PlaceBits, PointCulling, Priority};
+use crate::config::{Choices, Culling, PlaceBits, PointCulling, Priority};
 use crate::epi::code::{Places, Side};
 use crate::epi::grid::Grid;
 use crate::epi::reach::ReachMap;
 use crate::epi::{Epi, SamplePlaces};
-use crate::filters::antialias::{self, Antialias};
-use crate::filters::complex::{self, ComplexFilter};
-use crate::filters::interpolate::{self, Interpolated, Interpolator, Neighbours};
-use crate::filters::settle::settle;
 use crate::maps::Maps;
-use crate::maps::paint::{self, Paint};
 use crate::points::between::Between;
 use crate::points::cache::ALL_ASKED;
 use crate::points::cull::{Suspect, cull, cull_by_depth};
@@ -37,6 +33,8 @@ use crate::sampling::predict::Prediction;
 use crate::sampling::priority::{self, Priorities, Rule};
 use crate::shadows::worth::Tally;
 use crate::stats::{FrameStats, PixelKinds, Stage, StageMs};
+
+use filters::Filters;
 
 pub use edges::{EdgeStage, Effort, SPARSEST_PX};
 pub use ingest::Received;
@@ -67,7 +65,6 @@ pub struct Display {
     placed: Placed,
     /// Nothing in a scene without maps.
     maps: Option<Maps>,
-    paint: Option<Paint>,
     epoch: u32,
     late: u64,
     due: Due,
@@ -77,13 +74,7 @@ pub struct Display {
     displaced: bool,
     epi: Epi,
     reach: ReachMap,
-    interpolated: Interpolated,
-    interpolator: Interpolator,
-    antialias: Antialias,
-    complex: ComplexFilter,
-    secondary_known: Vec<u64>,
-    secondary: [Vec<f32>; 3],
-    image: [Vec<f32>; 3],
+    filters: Filters,
     ageing: f32,
     between: Between,
     priorities: Priorities,
@@ -103,7 +94,6 @@ impl Display {
         let grid = Grid::new(width as usize, height as usize);
         let pixels = (width * height) as f32;
         let capacity = ((pixels * choices.cache.max(0.0)) as usize).max(16);
-        let plane = || vec![0.0; grid.elements()];
         let places = match choices.place_bits {
             PlaceBits::Four => Places::Bits4,
             PlaceBits::Six => Places::Bits6,
@@ -128,7 +118,6 @@ impl Display {
             edges: EdgeStage::new(scene, choices, grid),
             placed: Placed::new(scene),
             maps: Maps::new(scene),
-            paint: None,
             epoch: 0,
             late: 0,
             due: Due::new(capacity),
@@ -138,13 +127,7 @@ impl Display {
             displaced: false,
             epi: Epi::new(grid.width, grid.height, places),
             reach: ReachMap::new(grid.width, grid.height),
-            interpolated: Interpolated::new(grid),
-            interpolator: Interpolator::new(grid),
-            antialias: Antialias::default(),
-            complex: ComplexFilter::default(),
-            secondary_known: vec![0; grid.plane_words()],
-            secondary: [plane(), plane(), plane()],
-            image: [plane(), plane(), plane()],
+            filters: Filters::new(grid),
             ageing: 0.0,
             between: Between::new(grid),
             priorities: Priorities::new(grid),
@@ -165,7 +148,7 @@ impl Display {
     fn make_room_for_maps(&mut self) {
         if self.maps.is_some() {
             self.cache.remember_maps();
-            self.paint = Some(Paint::new(self.grid));
+            self.filters.expect_maps(self.grid);
         }
     }
 
@@ -235,18 +218,21 @@ impl Display {
         let mut ms = std::mem::take(&mut self.stage_ms);
         ms.time(Stage::Classify, || self.settle_primary());
         ms.time(Stage::Reach, || self.reach.compute(self.level, &self.epi));
-        ms.time(Stage::Interpolate, || self.interpolate());
-        if self.choices.method == Method::EdgeAndPoint {
-            ms.time(Stage::Complex, || self.reconstruct_complex());
-        }
-        if self.choices.antialias.is_on() {
-            ms.time(Stage::Antialias, || self.blend_simple());
-        }
-        if settling {
-            ms.time(Stage::Antialias, || {
-                settle(&self.still, &self.epi, &mut self.image);
-            });
-        }
+        let inputs = filters::Inputs {
+            level: self.level,
+            pool: self.pool.as_ref(),
+            choices: &self.choices,
+            view: self.view.as_ref(),
+            samples: &self.pixels,
+            cache: &self.cache,
+            still: &self.still,
+            epi: &self.epi,
+            reach: &self.reach,
+            crossings: self.edges.crossings(),
+            placed: &self.placed,
+            maps: self.maps.as_ref(),
+        };
+        self.filters.draw(&inputs, &mut ms);
         self.stage_ms = ms;
     }
 
@@ -346,101 +332,6 @@ impl Display {
         });
     }
 
-    fn interpolate(&mut self) {
-        let method = match self.choices.interpolation {
-            Interpolation::Paper => interpolate::Method::FixedWeights,
-            Interpolation::Linear => interpolate::Method::LinearFit,
-        };
-        let inputs = interpolate::Inputs {
-            method,
-            samples: &self.pixels,
-            near: neighbours(&self.reach, &self.epi),
-            centre_x: &self.epi.centre_px[0],
-            centre_y: &self.epi.centre_px[1],
-        };
-        let (level, pool) = (self.level, self.pool.as_ref());
-        self.interpolator
-            .interpolate(level, pool, &inputs, &mut self.interpolated);
-        for (to, from) in self.image.iter_mut().zip(&self.interpolated.rgb) {
-            to.copy_from_slice(from);
-        }
-        self.put_on_maps();
-    }
-
-    /// Multiplies the colours of primary regions by what their maps are there.
-    fn put_on_maps(&mut self) {
-        let (Some(maps), Some(paint), Some(view)) = (&self.maps, &mut self.paint, &self.view)
-        else {
-            return;
-        };
-        let placed = &self.placed;
-        let inputs = paint::Inputs {
-            view,
-            samples: &self.pixels,
-            cache: &self.cache,
-            near: neighbours(&self.reach, &self.epi),
-            placed,
-        };
-        paint.find(maps, &inputs);
-        paint.apply(&mut self.image);
-    }
-
-    fn reconstruct_complex(&mut self) {
-        let inputs = complex::Inputs {
-            epi: &self.epi,
-            crossings: self.edges.crossings(),
-            samples: &self.pixels,
-            bare: &self.interpolated.bare,
-            paint: self.paint.as_ref(),
-            sources: complex::Sources::default(),
-        };
-        self.complex.apply(&inputs, &mut self.image);
-    }
-
-    fn blend_simple(&mut self) {
-        self.find_secondary();
-        let inputs = antialias::Inputs {
-            epi: &self.epi,
-            reach: &self.reach,
-            bare: &self.interpolated.bare,
-            direct: Some(antialias::Direct {
-                known: &self.secondary_known,
-                rgb: self.secondary.each_ref().map(Vec::as_slice),
-            }),
-        };
-        self.antialias.apply(&inputs, &mut self.image);
-    }
-
-    /// Colours of secondary regions that have samples of their own, which a still camera gathers.
-    fn find_secondary(&mut self) {
-        self.secondary_known.fill(0);
-        if self.still.samples() == 0 {
-            return;
-        }
-        let Self {
-            grid,
-            epi,
-            still,
-            secondary,
-            secondary_known,
-            ..
-        } = self;
-        for_each_bit(*grid, &epi.simple, |x, y| {
-            let Some(split) = still.split(x, y, epi.code_at(x, y).0) else {
-                return;
-            };
-            let (word, bit) = grid.bit(x, y);
-            let region = usize::from(epi.primary_inner[word] >> bit & 1 == 0);
-            let mean = &split.regions[region];
-            if mean.count > 0.0 {
-                secondary_known[word] |= 1 << bit;
-                for (plane, value) in secondary.iter_mut().zip(mean.rgb) {
-                    plane[grid.at(x, y)] = value;
-                }
-            }
-        });
-    }
-
     /// Priorities of the frame just drawn.
     fn prioritize(&mut self) {
         let rule = match self.choices.priority {
@@ -449,8 +340,8 @@ impl Display {
         };
         let inputs = priority::Inputs {
             grid: self.grid,
-            rgb: &self.interpolated.rgb,
-            weight: &self.interpolated.weight,
+            rgb: &self.filters.interpolated.rgb,
+            weight: &self.filters.interpolated.weight,
             reach: &self.reach,
             complex: &self.epi.complex,
         };
@@ -461,7 +352,7 @@ impl Display {
 
     /// The frame's linear radiance, planes by [`Display::grid`].
     pub fn image(&self) -> &[Vec<f32>; 3] {
-        &self.image
+        &self.filters.image
     }
 
     /// Layout of [`Display::image`].
@@ -527,17 +418,6 @@ const JUMP: f32 = 8.0;
 /// Pixels between those at whose depth is looked for that.
 const PROBED: usize = 8;
 
-/// Which primary regions of the frame reach those beside them.
-fn neighbours<'a>(reach: &'a ReachMap, epi: &'a Epi) -> Neighbours<'a> {
-    Neighbours {
-        right: &reach.steps.right[0],
-        down: &reach.steps.down[0],
-        simple: &epi.simple,
-        complex: &epi.complex,
-        has: &epi.has_sample,
-    }
-}
-
 /// What stands for a pixel of a still camera and where: the mean of the region with more samples, placed so that its side
 /// of the edge is sure, or of the whole pixel. Nothing for samples of which none has a sure side: their mean may mix both.
 fn still_sample(still: &Still, epi: &Epi, x: usize, y: usize) -> Option<(Mean, [f32; 2])> {
@@ -566,17 +446,4 @@ fn still_sample(still: &Still, epi: &Epi, x: usize, y: usize) -> Option<(Mean, [
         epi.tables().centroid_px(code, is_inner)
     };
     Some((mean, place))
-}
-
-/// Visits every pixel whose bit is set.
-fn for_each_bit(grid: Grid, plane: &[u64], mut visit: impl FnMut(usize, usize)) {
-    for y in 0..grid.height {
-        for word in 0..grid.words {
-            let mut left = plane[y * grid.words + word];
-            while left != 0 {
-                visit(word * 64 + left.trailing_zeros() as usize, y);
-                left &= left - 1;
-            }
-        }
-    }
 }
