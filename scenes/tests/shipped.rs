@@ -175,6 +175,41 @@ fn scenes_have_the_papers_sizes() {
     }
 }
 
+/// How many edges of closed meshes have a face turned towards the eye and one turned away.
+fn silhouettes(scene: &Scene, eye: DVec3) -> usize {
+    let mut count = 0;
+    for object in &scene.objects {
+        let mesh = &scene.meshes[object.mesh as usize];
+        let place = |v: u32| point(&object.transform, mesh.positions[v as usize].map(f64::from));
+        let mut edges = Vec::with_capacity(3 * mesh.faces.len());
+        for face in &mesh.faces {
+            let [a, b, c] = face.map(place);
+            let front = (b - a).cross(c - a).dot(eye - a) > 0.0;
+            for k in 0..3 {
+                let (v, w) = (face[k], face[(k + 1) % 3]);
+                edges.push((v.min(w), v.max(w), front));
+            }
+        }
+        edges.sort_unstable();
+        let mixed =
+            |w: &&[(u32, u32, bool)]| (w[0].0, w[0].1) == (w[1].0, w[1].1) && w[0].2 != w[1].2;
+        count += edges.windows(2).filter(mixed).count();
+    }
+    count
+}
+
+#[test]
+fn the_dragon_has_about_as_many_silhouettes_as_the_scan() {
+    // Table 1 of the paper: 26,269; the scan in this scene's place has 25,000 to 39,000 along the orbit.
+    let dragon = builtin("dragon").unwrap();
+    for key in &dragon.path("orbit").unwrap().keys {
+        let eye = DVec3::from_array(key.eye.map(f64::from));
+        let found = silhouettes(&dragon.scene, eye);
+        println!("from {eye}: {found} silhouettes");
+        assert!((20_000..50_000).contains(&found), "{found} from {eye}");
+    }
+}
+
 #[test]
 fn rooms_is_what_it_says() {
     let rooms = builtin("rooms").unwrap();
