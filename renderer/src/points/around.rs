@@ -4,8 +4,16 @@
 /// steeply, as the ground does near the horizon.
 pub(super) const HIDDEN: f32 = 0.6;
 
-/// How far from its neighbours a point on their surface may lie, widths of a pixel there: a slope of two over two pixels.
+/// How far behind the nearest of its neighbours a point on their surface may lie, widths of a pixel there: a slope of two
+/// over two pixels.
 pub(super) const AGREES_PX: f32 = 4.0;
+
+/// How far before the nearest of its neighbours: what hides it would have to be nearer still, and no edge lies between.
+pub(super) const BEFORE_PX: f32 = 16.0;
+
+/// How far apart the neighbours may lie that a point on their surface lies between: a slope of eight over four pixels. Where
+/// they lie farther apart they are of two surfaces.
+pub(super) const WITHIN_PX: f32 = 32.0;
 
 /// How far behind all its neighbours, beyond what they differ by themselves, a point must lie to be hidden, widths of a pixel
 /// there.
@@ -52,8 +60,9 @@ impl Around {
         } else {
             BEHIND_ONE_PX
         } * px;
-        let near = (inverse - most).abs() <= AGREES_PX * px * most;
-        let within = inverse >= least && inverse <= most && spread <= 2.0 * AGREES_PX * px * most;
+        let near =
+            inverse >= (1.0 - AGREES_PX * px) * most && inverse <= (1.0 + BEFORE_PX * px) * most;
+        let within = inverse >= least && inverse <= most && spread <= WITHIN_PX * px * most;
         if inverse < HIDDEN * most || inverse < least - spread - room * least {
             Verdict::Hidden
         } else if near || within {

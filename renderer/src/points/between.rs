@@ -5,20 +5,17 @@
 //! may have come before all of them since they were last asked about, which is why a point is vouched for a few times
 //! only before a ray is asked again ([`PointCache::vouch`](super::PointCache::vouch)).
 
-use fearless_simd::{Level, dispatch, prelude::*};
-use fearless_simd_macros::simd;
+use fearless_simd::{Level, dispatch};
 
 use super::PixelSamples;
-use super::around::{AGREES_PX, Around, BEHIND_ONE_PX, BEHIND_PX, HIDDEN, Verdict};
+use super::around::{Around, Verdict};
+use super::sweep::Rows;
 use crate::epi::Epi;
 use crate::epi::code::Side;
 use crate::epi::grid::Grid;
 
 /// How far neighbours reach, pixels.
 const REACH: usize = 2;
-
-/// How far behind the mean depth of its 3x3 neighbours a point may lie, as a share of that depth, before it is suspected.
-const TOLERANCE: f32 = 0.03;
 
 /// What edges and neighbours say of the points of a frame, as bit planes.
 #[derive(Clone, Debug)]
@@ -33,69 +30,12 @@ pub struct Between {
     pub unsure: Vec<u64>,
     grid: Grid,
     /// Pixels without an edge, not at the left and right rim of the picture.
-    free: Vec<u64>,
+    pub(super) free: Vec<u64>,
     /// Those without an edge within two pixels.
     open: Vec<u64>,
     /// One over the depth of what is known to be visible in free pixels; 0 elsewhere.
-    sure: Vec<f32>,
-    rows: Rows,
-}
-
-/// The last four rows of what the rows after them need, with a margin of [`MARGIN`] on both sides.
-#[derive(Clone, Debug, Default)]
-struct Rows {
-    pitch: usize,
-    /// One over depth.
-    inverse: Vec<f32>,
-    /// Sum of three in the row, and how many of them there are.
-    sum: Vec<f32>,
-    count: Vec<f32>,
-    /// Greatest and least of three in the row that are sure.
-    most: Vec<f32>,
-    least: Vec<f32>,
-    /// The same over 3x3, of free pixels; one row.
-    step_most: Vec<f32>,
-    step_least: Vec<f32>,
-    /// Greatest and least of three of these in the row.
-    far_most: Vec<f32>,
-    far_least: Vec<f32>,
-}
-
-/// Rows kept.
-const KEPT: usize = 4;
-const MARGIN: usize = 64;
-
-impl Rows {
-    fn start(&mut self, stride: usize) {
-        self.pitch = stride + 2 * MARGIN;
-        let n = KEPT * self.pitch;
-        for (rows, n, empty) in [
-            (&mut self.inverse, n, 0.0),
-            (&mut self.sum, n, 0.0),
-            (&mut self.count, n, 0.0),
-            (&mut self.most, n, 0.0),
-            (&mut self.least, n, f32::INFINITY),
-            (&mut self.step_most, self.pitch, 0.0),
-            (&mut self.step_least, self.pitch, f32::INFINITY),
-            (&mut self.far_most, n, 0.0),
-            (&mut self.far_least, n, f32::INFINITY),
-        ] {
-            rows.clear();
-            rows.resize(n, empty);
-        }
-    }
-
-    /// Index of column 0 of a row.
-    #[inline(always)]
-    fn at(&self, row: usize) -> usize {
-        row % KEPT * self.pitch + MARGIN
-    }
-
-    /// Columns 0 of a row and of those before and after it.
-    #[inline(always)]
-    fn three(&self, row: usize) -> [usize; 3] {
-        [row + KEPT - 1, row, row + 1].map(|r| self.at(r))
-    }
+    pub(super) sure: Vec<f32>,
+    pub(super) rows: Rows,
 }
 
 impl Between {
@@ -231,193 +171,6 @@ impl Between {
                     .fold(0, |near, row| near | self.hidden[row * words + word]);
                 self.open[y * words + word] = inner(grid, word) & !near;
             }
-        }
-    }
-
-    /// Row after row, each step as soon as the rows that it needs are there, so that all stays in the nearest memory.
-    #[simd]
-    fn sweep<S: Simd>(&mut self, simd: S, pixels: &PixelSamples, px: f32) {
-        for row in 0..pixels.grid.height + 3 {
-            self.add_up(simd, pixels, row);
-            if row >= 1 {
-                self.find_sure(simd, pixels, row - 1);
-            }
-            if row >= 2 {
-                self.step(simd, pixels.grid, row - 2);
-            }
-            if row >= 3 {
-                self.decide(simd, pixels, row - 3, px);
-            }
-        }
-    }
-
-    /// One over depth, summed over three in the row; rows past the last are empty.
-    #[simd]
-    fn add_up<S: Simd>(&mut self, simd: S, pixels: &PixelSamples, y: usize) {
-        let (grid, lanes) = (pixels.grid, S::f32s::LEN);
-        let (zero, one) = (S::f32s::splat(simd, 0.0), S::f32s::splat(simd, 1.0));
-        let rows = &mut self.rows;
-        let to = rows.at(y);
-        if y >= grid.height {
-            for all in [&mut rows.inverse, &mut rows.sum, &mut rows.count] {
-                all[to..to + grid.stride].fill(0.0);
-            }
-            return;
-        }
-        let depth = &pixels.depth[grid.at(0, y)..][..grid.stride];
-        for x in (0..grid.stride).step_by(lanes) {
-            let depth = S::f32s::from_slice(simd, &depth[x..x + lanes]);
-            (one / depth).store_slice(&mut rows.inverse[to + x..to + x + lanes]);
-        }
-        for x in (to..to + grid.stride).step_by(lanes) {
-            let load = |at: usize| S::f32s::from_slice(simd, &rows.inverse[at..at + lanes]);
-            let [a, b, c] = [load(x - 1), load(x), load(x + 1)];
-            let one_if = |v: S::f32s| v.simd_gt(zero).select(one, zero);
-            (a + b + c).store_slice(&mut rows.sum[x..x + lanes]);
-            (one_if(a) + one_if(b) + one_if(c)).store_slice(&mut rows.count[x..x + lanes]);
-        }
-    }
-
-    /// Finds what is unsure in a row, and the extremes of what is not over three in the row. Inverse depth is linear over a
-    /// plane in the image, so that a slanted plane is no suspect.
-    #[simd]
-    fn find_sure<S: Simd>(&mut self, simd: S, pixels: &PixelSamples, y: usize) {
-        let (grid, lanes) = (pixels.grid, S::f32s::LEN);
-        let splat = |v: f32| S::f32s::splat(simd, v);
-        let (zero, one) = (splat(0.0), splat(1.0));
-        let rows = &mut self.rows;
-        let to = rows.at(y);
-        if y >= grid.height {
-            rows.most[to..to + grid.stride].fill(0.0);
-            rows.least[to..to + grid.stride].fill(f32::INFINITY);
-            return;
-        }
-        let three = rows.three(y);
-        for word in 0..grid.words {
-            let i = y * grid.words + word;
-            let mut suspects = 0;
-            for group in (0..64).step_by(lanes) {
-                let x = word * 64 + group;
-                let total = |of: &[f32]| {
-                    let [a, b, c] =
-                        three.map(|r| S::f32s::from_slice(simd, &of[r + x..r + x + lanes]));
-                    a + b + c
-                };
-                let own = S::f32s::from_slice(simd, &rows.inverse[to + x..to + x + lanes]);
-                let others = total(&rows.count) - one;
-                let behind =
-                    (total(&rows.sum) - own).simd_gt(others * splat(1.0 + TOLERANCE) * own);
-                suspects |= behind.to_bitmask() << group;
-            }
-            self.suspects[i] = pixels.has[i] & suspects;
-            self.unsure[i] = pixels.has[i] & (suspects | pixels.doubtful[i]);
-            let sure = pixels.has[i] & self.free[i] & !self.unsure[i];
-            for group in (0..64).step_by(lanes) {
-                let x = word * 64 + group;
-                let mask = S::mask32s::from_bitmask(simd, sure >> group & ((1u64 << lanes) - 1));
-                let own = S::f32s::from_slice(simd, &rows.inverse[to + x..to + x + lanes]);
-                let at = grid.at(x, y);
-                mask.select(own, zero)
-                    .store_slice(&mut self.sure[at..at + lanes]);
-            }
-        }
-        // Rows touch in memory; the rim between is never sure.
-        let from = grid.at(0, y);
-        for x in (0..grid.stride).step_by(lanes) {
-            let load = |at: usize| S::f32s::from_slice(simd, &self.sure[at..at + lanes]);
-            let [a, b, c] = [load(from + x - 1), load(from + x), load(from + x + 1)];
-            let known = |v: S::f32s| v.simd_gt(zero).select(v, splat(f32::INFINITY));
-            a.max(b)
-                .max(c)
-                .store_slice(&mut rows.most[to + x..to + x + lanes]);
-            let least = known(a).min(known(b)).min(known(c));
-            least.store_slice(&mut rows.least[to + x..to + x + lanes]);
-        }
-    }
-
-    /// Extremes over 3x3 of free pixels, and over three of these in the row.
-    #[simd]
-    fn step<S: Simd>(&mut self, simd: S, grid: Grid, y: usize) {
-        let lanes = S::f32s::LEN;
-        let splat = |v: f32| S::f32s::splat(simd, v);
-        let rows = &mut self.rows;
-        let to = rows.at(y);
-        if y >= grid.height {
-            rows.far_most[to..to + grid.stride].fill(0.0);
-            rows.far_least[to..to + grid.stride].fill(f32::INFINITY);
-            return;
-        }
-        let three = rows.three(y);
-        for word in 0..grid.words {
-            let free = self.free[y * grid.words + word];
-            for group in (0..64).step_by(lanes) {
-                let x = word * 64 + group;
-                let mask = S::mask32s::from_bitmask(simd, free >> group & ((1u64 << lanes) - 1));
-                let load = |of: &[f32]| {
-                    three.map(|r| S::f32s::from_slice(simd, &of[r + x..r + x + lanes]))
-                };
-                let ([a, b, c], [d, e, f]) = (load(&rows.most), load(&rows.least));
-                let most = mask.select(a.max(b).max(c), splat(0.0));
-                let least = mask.select(d.min(e).min(f), splat(f32::INFINITY));
-                most.store_slice(&mut rows.step_most[MARGIN + x..MARGIN + x + lanes]);
-                least.store_slice(&mut rows.step_least[MARGIN + x..MARGIN + x + lanes]);
-            }
-        }
-        for x in (0..grid.stride).step_by(lanes) {
-            let load = |of: &[f32]| {
-                [MARGIN + x - 1, MARGIN + x, MARGIN + x + 1]
-                    .map(|at| S::f32s::from_slice(simd, &of[at..at + lanes]))
-            };
-            let ([a, b, c], [d, e, f]) = (load(&rows.step_most), load(&rows.step_least));
-            a.max(b)
-                .max(c)
-                .store_slice(&mut rows.far_most[to + x..to + x + lanes]);
-            d.min(e)
-                .min(f)
-                .store_slice(&mut rows.far_least[to + x..to + x + lanes]);
-        }
-    }
-
-    #[simd]
-    fn decide<S: Simd>(&mut self, simd: S, pixels: &PixelSamples, y: usize, px: f32) {
-        let (grid, lanes) = (pixels.grid, S::f32s::LEN);
-        let splat = |v: f32| S::f32s::splat(simd, v);
-        let rows = &self.rows;
-        let (own_row, three) = (rows.at(y), rows.three(y));
-        for word in 0..grid.words {
-            let i = y * grid.words + word;
-            let candidates = pixels.has[i] & self.free[i];
-            let (mut hidden, mut behind, mut agrees) = (0, 0, 0);
-            for group in (0..64).step_by(lanes) {
-                if candidates >> group & ((1u64 << lanes) - 1) == 0 {
-                    continue;
-                }
-                let x = word * 64 + group;
-                let load = |of: &[f32]| {
-                    three.map(|r| S::f32s::from_slice(simd, &of[r + x..r + x + lanes]))
-                };
-                let ([a, b, c], [d, e, f]) = (load(&rows.far_most), load(&rows.far_least));
-                let (most, least) = (a.max(b).max(c), d.min(e).min(f));
-                let own =
-                    S::f32s::from_slice(simd, &rows.inverse[own_row + x..own_row + x + lanes]);
-                let known = most.simd_gt(splat(0.0));
-                let spread = most - least;
-                let room = spread
-                    .simd_gt(splat(0.0))
-                    .select(splat(BEHIND_PX * px), splat(BEHIND_ONE_PX * px));
-                let is_behind = known & own.simd_lt(least - spread - room * least);
-                let off = (own - most).max(most - own);
-                let near = off.simd_le(splat(AGREES_PX * px) * most);
-                let within = own.simd_ge(least)
-                    & own.simd_le(most)
-                    & spread.simd_le(splat(2.0 * AGREES_PX * px) * most);
-                hidden |= own.simd_lt(splat(HIDDEN) * most).to_bitmask() << group;
-                behind |= is_behind.to_bitmask() << group;
-                agrees |= (known & (near | within)).to_bitmask() << group;
-            }
-            let unsure = self.unsure[i];
-            self.hidden[i] = (hidden | behind & unsure) & candidates;
-            self.vouched[i] = agrees & unsure & candidates & !self.hidden[i];
         }
     }
 }

@@ -5,6 +5,7 @@ use crate::edges::clip::{ImageSegment, SUBPIXELS};
 use crate::edges::crossings::Crossings;
 use crate::epi::classify::classify;
 use crate::epi::code::Places;
+use crate::points::around::HIDDEN;
 use crate::sampling::place::hash_unit;
 
 const PX: f32 = 1.0 / 300.0;

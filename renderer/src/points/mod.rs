@@ -9,6 +9,7 @@ pub mod pixels;
 pub mod project;
 pub mod renew;
 pub mod still;
+mod sweep;
 pub mod umbrella;
 
 pub use cache::PointCache;
