@@ -61,7 +61,12 @@ impl View {
 
     /// World point to view space: (right, up, depth), metres.
     pub fn to_view(&self, world: Vec3) -> Vec3 {
-        let d = world - self.eye;
+        self.turn(world - self.eye)
+    }
+
+    /// World direction to view space: (right, up, depth), of the same length.
+    pub fn turn(&self, direction: Vec3) -> Vec3 {
+        let d = direction;
         Vec3::new(self.right.dot(d), self.up.dot(d), self.forward.dot(d))
     }
 

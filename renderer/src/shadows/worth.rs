@@ -6,7 +6,7 @@
 //! the neighbourhood of pixels that lend each other colour. A penumbra may be narrow at one end of an edge, as at a
 //! contact, and wide at the other: then a part of the edge is drawn.
 
-use glam::{Vec2, Vec3};
+use glam::{Vec3, Vec3Swizzles};
 use protocol::scene::Light;
 use serde::Serialize;
 
@@ -164,25 +164,24 @@ fn narrow_part(view: &View, edge: &ShadowEdge, grade: &Grade, limit_px: f32) -> 
     let depth = ends.map(|p| p.z);
     let near = NEAR * depth[0].max(depth[1]);
     let before = part_not_negative([0.0, 1.0], depth.map(|z| z - near))?;
-    let along = (edge.to - edge.from).as_vec3();
+    let along = view.turn((edge.to - edge.from).as_vec3());
+    let across = view.turn(grade.across);
     // Times the depth, what is linear along the edge stays so on screen.
     let excess = [0, 1].map(|k| {
         let at = ends[0].lerp(ends[1], before[k]);
         let width = grade.width[0] + (grade.width[1] - grade.width[0]) * before[k];
-        (limit_px - width * spread_px(view, at, along, grade.across)) * at.z
+        (limit_px - width * spread_px(view.focal_px, at, along, across)) * at.z
     });
     let [from, to] = part_not_negative([0.0, 1.0], excess)?;
     let share = |x: f32| before[0] + (before[1] - before[0]) * x;
     Some([share(from), share(to)])
 }
 
-/// How far apart on screen lines through a point (view space) and a metre beside it are that run along each other, pixels.
-fn spread_px(view: &View, at: Vec3, along: Vec3, across: Vec3) -> f32 {
-    let scale = view.focal_px / at.z;
-    let on_screen = |direction: Vec3| {
-        let [x, y, z] = [view.right, view.up, view.forward].map(|axis| axis.dot(direction));
-        Vec2::new(x - z * at.x / at.z, y - z * at.y / at.z) * scale
-    };
+/// How far apart on screen lines through a point and a metre beside it are that run along each other, pixels; all in view
+/// space.
+fn spread_px(focal_px: f32, at: Vec3, along: Vec3, across: Vec3) -> f32 {
+    let (scale, slope) = (focal_px / at.z, at.xy() / at.z);
+    let on_screen = |direction: Vec3| (direction.xy() - direction.z * slope) * scale;
     let (along, across) = (on_screen(along), on_screen(across));
     let length = along.length();
     // An edge that is seen end on is a point.
