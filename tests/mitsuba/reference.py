@@ -3,21 +3,30 @@
 
     pip install mitsuba numpy
     cargo build --release -p scenes --examples
-    python3 tests/mitsuba/reference.py SCENE OUT.exr [--size 256x256] [--spp 256] [--depth 2]
+    python3 tests/mitsuba/reference.py SCENE OUT.exr [--model direct|glossy|global] [--size 256x256] [--spp 256] [--reflected-spp 256]
 
 SCENE is whatever `renderer` opens. The scene reaches Mitsuba as triangles in world space (scenes/examples/export.rs), so
-no formula of a generator is written twice. --depth is the number of path segments: 2 is direct light, 6 adds four
-bounces. Direct light is rendered one light at a time, by emitter sampling, and summed, which has less noise than
-choosing among lights; what bounces is one path-traced render less another of its direct part.
+no formula of a generator is written twice. Mitsuba's `direct` integrator renders one light at a time, and the pictures are summed, which
+has less noise than choosing among lights. The rest is `transport.py`'s, and so is the material. With E the eye, L a light, D a
+diffuse reflection, S a specular one, X one of either kind, which counts as diffuse with albedo f0 + (1 - f0) * diffuse:
 
-What is the same as in the shaders: two-sided diffuse surfaces (specular reflection is left out); textures sRGB, repeating, looked up bilinearly; shading normals
+    direct   E D L                                    no surface is specular
+    glossy   E (D|S) L   E S X L                      what is reflected in a surface shows its own direct light
+    global   E (D|S) L   E (D|S) X{1,4} L             up to six segments in all
+
+`ambient` is radiance that reaches the diffuse part at every D and X, `background` is what rays that miss bring, at every segment
+but the last.
+
+What is the same as in the shaders: two-sided surfaces; textures sRGB, repeating, v up, looked up bilinearly; shading normals
 of the file, else flat; area lights shine from one side, are seen, block, and are black from behind; box filter;
-linear RGB, row 0 on top. `ambient` adds diffuse * ambient to every surface, and `background` fills the rest.
+linear RGB, row 0 on top. A linear light becomes LINEAR_POINTS points in the middle of as many equal pieces: where nothing hides it
+that is wrong by less than 1e-4 from further away than a fiftieth of its length, and its penumbrae are as many steps.
+
+Mitsuba's LLVM variants need LLVM 17 or newer for materials written in Python; DRJIT_LIBLLVM_PATH says where it is.
 """
 
 import argparse
 import json
-import os
 import pathlib
 import subprocess
 import sys
@@ -26,11 +35,17 @@ import tempfile
 import mitsuba as mi
 import numpy as np
 
-VARIANT = os.environ.get("MITSUBA_VARIANT", "scalar_rgb")
-mi.set_variant(VARIANT)
+mi.set_variant("llvm_ad_rgb")
+import transport  # noqa: E402, after the variant is set
+
+transport.register()
 
 HERE = pathlib.Path(__file__).resolve().parent
 EXPORT = HERE.parent.parent / "target" / "release" / "examples" / "export"
+
+# Most segments between eye and light.
+DEPTHS = {"direct": 2, "glossy": 3, "global": 6}
+LINEAR_POINTS = 128
 
 
 def arguments():
@@ -39,8 +54,8 @@ def arguments():
     parser.add_argument("out", type=pathlib.Path)
     parser.add_argument("--size", default="256x256")
     parser.add_argument("--spp", type=int, default=256, help="samples a pixel for each light")
-    parser.add_argument("--indirect-spp", type=int, help="and for what bounces (default: --spp)")
-    parser.add_argument("--depth", type=int, default=2)
+    parser.add_argument("--reflected-spp", type=int, help="and for what was reflected before (default: --spp)")
+    parser.add_argument("--model", choices=DEPTHS, help="default: the scene's own")
     parser.add_argument("--export", type=pathlib.Path, default=EXPORT)
     parser.add_argument("--seed", type=int, default=0)
     return parser.parse_args()
@@ -64,9 +79,12 @@ def reflectance(material, folder):
     return {"type": "bitmap", "bitmap": mi.Bitmap(texels.astype(np.float32)), "raw": True}
 
 
-def bsdf(material, folder):
-    base = {"type": "diffuse", "reflectance": reflectance(material, folder)}
-    return {"type": "twosided", "nested": base}
+def bsdf(material, folder, model):
+    colour = reflectance(material, folder)
+    if model == "direct":
+        return {"type": "twosided", "nested": {"type": "diffuse", "reflectance": colour}}
+    return {"type": "coated", "diffuse": colour, "alpha": material["roughness"],
+            "specular": mi.ScalarColor3f(material["specular"])}
 
 
 def polygon(light):
@@ -81,24 +99,26 @@ def polygon(light):
     return mesh
 
 
-def emitter(light, folder, index, lit):
-    """A light as a shape or emitter; where it is not lit an area light still blocks, black."""
+def point(position, intensity):
+    return {"type": "point", "position": list(position), "intensity": {"type": "rgb", "value": list(intensity)}}
+
+
+def emitters(light, folder, index, lit):
+    """A light as shapes or emitters; where it is not lit an area light still blocks, black."""
     if light["kind"] == "point":
-        return lit and {
-            "type": "point",
-            "position": light["position"],
-            "intensity": {"type": "rgb", "value": light["intensity"]},
-        }
+        return [point(light["position"], light["intensity"])] if lit else []
     if light["kind"] == "linear":
-        # As many points as a viewer cannot tell from a line.
-        raise SystemExit("linear lights have no counterpart in Mitsuba; leave them out of scenes for references")
+        ends = np.array(light["from"]), np.array(light["to"])
+        each = np.array(light["intensity"]) * np.linalg.norm(ends[1] - ends[0]) / LINEAR_POINTS
+        shares = (np.arange(LINEAR_POINTS) + 0.5) / LINEAR_POINTS
+        return [point(ends[0] + (ends[1] - ends[0]) * s, each) for s in shares] if lit else []
     path = folder / f"light-{index}.ply"
     polygon(light).write_ply(str(path))
     shape = {"type": "ply", "filename": str(path), "face_normals": True,
              "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": 0.0}}}
     if lit:
         shape["emitter"] = {"type": "area", "radiance": {"type": "rgb", "value": light["radiance"]}}
-    return shape
+    return [shape]
 
 
 def build(scene, folder, options, lit):
@@ -119,14 +139,13 @@ def build(scene, folder, options, lit):
         },
     }
     for i, material in enumerate(scene["materials"]):
-        world[f"material-{i}"] = {**bsdf(material, folder), "id": f"material-{i}"}
+        world[f"material-{i}"] = {**bsdf(material, folder, options.model), "id": f"material-{i}"}
     for i, shape in enumerate(scene["shapes"]):
         world[f"shape-{i}"] = {"type": "ply", "filename": str(folder / shape["file"]), "flip_tex_coords": True,
                                "bsdf": {"type": "ref", "id": f"material-{shape['material']}"}}
     for i, light in enumerate(scene["lights"]):
-        made = emitter(light, folder, i, i in lit)
-        if made:
-            world[f"light-{i}"] = made
+        for k, made in enumerate(emitters(light, folder, i, i in lit)):
+            world[f"light-{i}-{k}"] = made
     return mi.load_dict(world)
 
 
@@ -141,35 +160,28 @@ def render(world, integrator, spp, seed):
     return total / spp
 
 
-def surfaces(world, spp, seed):
-    """Diffuse reflectance in each pixel (for `ambient`) and how much of it is covered (for `background`)."""
-    names = {"type": "aov", "aovs": "albedo:albedo,depth:depth", "img": {"type": "direct"}}
-    picture = np.array(mi.render(world, integrator=mi.load_dict(names), spp=spp, seed=seed), dtype=np.float64)
-    return picture[..., 3:6], picture[..., 6] > 0
-
-
 def main():
     options = arguments()
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         scene = exported(options.scene, options.export, folder)
+        options.model = options.model or scene["model"].lower()
         lights = range(len(scene["lights"]))
-        direct = mi.load_dict({"type": "direct", "emitter_samples": 1, "bsdf_samples": 0})
+        shiny = options.model != "direct" and any(any(m["specular"]) for m in scene["materials"])
+        direct = mi.load_dict({"type": "direct", "emitter_samples": 1, "bsdf_samples": int(shiny)})
         total = 0.0
         for i in lights:
             world = build(scene, folder, options, {i})
             total = total + render(world, direct, options.spp, options.seed + 7919 * i)
+        reflected = mi.load_dict({
+            "type": "reflected",
+            "depth": DEPTHS[options.model],
+            "specular_only": options.model == "glossy",
+            "ambient": mi.ScalarColor3f(scene["ambient"]),
+            "background": mi.ScalarColor3f(scene["background"]),
+        })
         world = build(scene, folder, options, set(lights))
-        if options.depth > 2:
-            spp = options.indirect_spp or options.spp
-            path = {"type": "path", "rr_depth": 1000}
-            all_of_it = render(world, mi.load_dict({**path, "max_depth": options.depth}), spp, options.seed + 1)
-            straight = render(world, mi.load_dict({**path, "max_depth": 2}), spp, options.seed + 1)
-            total = total + all_of_it - straight
-        if any(scene["ambient"]) or any(scene["background"]):
-            albedo, covered = surfaces(world, options.spp, options.seed)
-            total = total + albedo * np.array(scene["ambient"])
-            total = total + np.where(covered[..., None], 0.0, np.array(scene["background"]))
+        total = total + render(world, reflected, options.reflected_spp or options.spp, options.seed + 1)
     mi.Bitmap(total.astype(np.float16 if options.out.suffix == ".exr" else np.float32)).write(str(options.out))
     print(f"{options.out}: mean {total.mean():.5f}")
 
