@@ -9,8 +9,10 @@ use obvhs::{
 
 use crate::Bounds;
 
-/// Share of nodes tried for a better place; more costs build time for a few per cent of rays.
+/// Share of a large tree's nodes tried for a better place; more costs build time for a few per cent of rays.
 const REINSERTION: f32 = 0.2;
+/// Trees of so few primitives have all their nodes tried, at no cost that is felt.
+const SMALL: usize = 20_000;
 
 /// A binary tree over `boxes`, one primitive a leaf; leaf `i` of the result stands for `boxes[primitive_indices[i]]`.
 /// Boxes must be finite.
@@ -27,6 +29,7 @@ pub(crate) fn binary_tree(boxes: &[Bounds]) -> Bvh2 {
         SortPrecision::U64,
         3,
     );
-    ReinsertionOptimizer::default().run(&mut tree, REINSERTION, None);
+    let share = (SMALL as f32 / boxes.len() as f32).clamp(REINSERTION, 1.);
+    ReinsertionOptimizer::default().run(&mut tree, share, None);
     tree
 }

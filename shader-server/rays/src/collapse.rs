@@ -28,8 +28,8 @@ struct Choice {
     leaf: bool,
 }
 
-/// Collapses `binary`, with at most `leaf_size` primitives a leaf. `make_leaf` gets the primitives of each leaf,
-/// in order, and returns the leaf's number.
+/// Collapses `binary`, with at most `leaf_size` primitives a leaf. `make_leaf` gets primitives that are kept together, at
+/// most `leaf_size` too, and returns their number; small leaves of one node share one.
 pub(crate) fn collapse(
     binary: &Bvh2,
     leaf_size: u32,
@@ -40,31 +40,56 @@ pub(crate) fn collapse(
     }
     let choices = choose(binary, leaf_size);
     let mut nodes = vec![Node::empty()];
-    // What to fill in: a node of the result, and the binary node it stands for.
-    let mut open = vec![(0usize, 0usize)];
+    // What to fill in: a node of the result, the binary node it stands for, and its depth.
+    let mut open = vec![(0usize, 0usize, 1usize)];
+    let mut deepest = 0;
     let mut children = Vec::with_capacity(WIDTH);
+    let mut links = Vec::with_capacity(WIDTH);
     let mut primitives = Vec::with_capacity(WIDTH);
-    while let Some((slot, root)) = open.pop() {
+    while let Some((slot, root, depth)) = open.pop() {
+        deepest = deepest.max(depth);
         children.clear();
         if slot == 0 && choices[root].leaf {
             children.push(root);
         } else {
             split(binary, &choices, root, WIDTH, &mut children);
         }
-        for (lane, &child) in children.iter().enumerate() {
-            nodes[slot].set_bounds(lane, &bounds_of(&binary.nodes[child]));
-            nodes[slot].children[lane] = if choices[child].leaf {
-                primitives.clear();
-                gather(binary, child, &mut primitives);
-                Link::leaf(make_leaf(&primitives))
-            } else {
+        // Largest leaves first, so that small ones fill what they leave; then inner nodes.
+        let size = |child: &usize| choices[*child].leaf.then_some(choices[*child].primitives);
+        children.sort_unstable_by_key(|child| std::cmp::Reverse(size(child)));
+        links.clear();
+        while let Some(&child) = children.first() {
+            if !choices[child].leaf {
                 nodes.push(Node::empty());
-                open.push((nodes.len() - 1, child));
-                Link::node(nodes.len() - 1)
-            };
+                open.push((nodes.len() - 1, child, depth + 1));
+                links.push((child, Link::node(nodes.len() - 1)));
+                children.remove(0);
+                continue;
+            }
+            primitives.clear();
+            let first = links.len();
+            children.retain(|&child| {
+                let fits = choices[child].leaf
+                    && primitives.len() + choices[child].primitives as usize <= leaf_size as usize;
+                if fits {
+                    gather(binary, child, &mut primitives);
+                    links.push((child, Link::NONE));
+                }
+                !fits
+            });
+            let together = Link::leaf(make_leaf(&primitives));
+            links[first..]
+                .iter_mut()
+                .for_each(|(_, link)| *link = together);
+        }
+        for (lane, &(child, link)) in links.iter().enumerate() {
+            nodes[slot].set_child(lane, link, &bounds_of(&binary.nodes[child]));
         }
     }
-    Tree { nodes }
+    Tree {
+        nodes,
+        depth: deepest,
+    }
 }
 
 fn bounds_of(node: &Bvh2Node) -> Bounds {

@@ -1,82 +1,123 @@
-//! The same traversal compiled for plain machines and for AVX2, chosen when the program runs.
+//! The same traversal compiled for plain machines and for vector instructions, chosen when the program runs.
 //!
-//! The two give the same bits: neither reorders nor fuses floating-point operations.
+//! All give the same bits: none reorders or fuses floating-point operations.
 
-#[cfg(target_arch = "x86_64")]
-use crate::kernel::Avx2;
+use fearless_simd::dispatch;
+
 use crate::{
-    Ray, Region,
-    kernel::Plain,
+    Occluder, Ray, Region,
+    kernel::{Plain, Vector},
+    node::WIDTH,
+    packet::{Asked, run_together},
+    query::{Any, Closest},
     region::touches,
-    traverse::{Query, Stack, run},
+    traverse::{Entry, run},
     world::World,
 };
 
 /// Instructions that traversal uses.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) enum Level {
+    /// One lane after another.
     Plain,
-    #[cfg(target_arch = "x86_64")]
-    Avx2,
+    /// Those of a level.
+    Vector(fearless_simd::Level),
 }
 
-impl Level {
-    /// The best that this machine has.
-    pub(crate) fn detect() -> Self {
-        #[cfg(target_arch = "x86_64")]
-        if Avx2::detect().is_some() {
-            return Self::Avx2;
+/// Runs `$run` with the kernel of a level.
+macro_rules! at_level {
+    ($level:expr, $kernel:ident => $run:expr) => {
+        match $level {
+            Level::Plain => {
+                let $kernel = Plain;
+                $run
+            }
+            Level::Vector(level) => dispatch!(level, simd => {
+                let $kernel = Vector(simd);
+                $run
+            }),
         }
-        Self::Plain
-    }
+    };
 }
 
-/// Runs a query; the ray must be valid.
-#[inline]
-pub(crate) fn query<Q: Query>(world: &World, ray: &Ray, t_max: f32, stack: &mut Stack, q: &mut Q) {
-    match world.level {
-        Level::Plain => run::<Plain, _>(world, ray, t_max, stack, q),
-        #[cfg(target_arch = "x86_64")]
-        #[expect(
-            unsafe_code,
-            reason = "only Level::detect makes Avx2, after asking the processor"
-        )]
-        Level::Avx2 => unsafe { run_avx2(world, ray, t_max, stack, q) },
-    }
+/// Whether something is wanted as an occluder, by instance and face.
+type Accept<'a> = &'a mut dyn FnMut(u32, u32) -> bool;
+
+/// The closest hit; the ray must be valid.
+pub(crate) fn closest(world: &World, ray: &Ray, t_max: f32, stack: &mut [Entry]) -> Closest {
+    at_level!(world.level, kernel => {
+        let mut query = Closest::within(t_max);
+        run(kernel, world, ray, t_max, stack, &mut query);
+        query
+    })
 }
 
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn run_avx2<Q: Query>(world: &World, ray: &Ray, t_max: f32, stack: &mut Stack, q: &mut Q) {
-    run::<Avx2, _>(world, ray, t_max, stack, q);
+/// Any hit; the ray must be valid.
+pub(crate) fn any(
+    world: &World,
+    ray: &Ray,
+    t_max: f32,
+    query: &mut Any<Accept<'_>>,
+    stack: &mut [Entry],
+) {
+    at_level!(world.level, kernel => run(kernel, world, ray, t_max, stack, query));
+}
+
+/// The closest hit of each ray.
+pub(crate) fn closest_each(
+    world: &World,
+    rays: &[Ray],
+    t_max: f32,
+    stack: &mut [Entry],
+    mut take: impl FnMut(&Closest),
+) {
+    let take: &mut dyn FnMut(&Closest) = &mut take;
+    at_level!(world.level, kernel => {
+        for rays in rays.chunks(WIDTH) {
+            let mut asked = Asked::new([Closest::within(t_max); WIDTH]);
+            run_together(kernel, world, rays, t_max, &mut asked, stack);
+            for query in &asked.queries[..rays.len()] {
+                take(query);
+            }
+        }
+    });
+}
+
+/// Any hit of each ray; `accept` gets the ray's index, the instance and the face.
+pub(crate) fn any_each(
+    world: &World,
+    rays: &[Ray],
+    t_max: f32,
+    accept: &dyn Fn(usize, u32, u32) -> bool,
+    stack: &mut [Entry],
+    mut take: impl FnMut(Option<Occluder>),
+) {
+    let take: &mut dyn FnMut(Option<Occluder>) = &mut take;
+    at_level!(world.level, kernel => {
+        for (chunk, rays) in rays.chunks(WIDTH).enumerate() {
+            let queries = std::array::from_fn(|ray| Any {
+                accept: move |instance, face| accept(chunk * WIDTH + ray, instance, face),
+                found: None,
+                recent: None,
+            });
+            let mut asked = Asked::new(queries);
+            run_together(kernel, world, rays, t_max, &mut asked, stack);
+            for query in &asked.queries[..rays.len()] {
+                take(query.found);
+            }
+        }
+    });
 }
 
 /// Whether an accepted face may reach into a region.
-#[inline]
 pub(crate) fn region_touched(
     world: &World,
     region: &Region,
-    stack: &mut Stack,
-    accept: &mut impl FnMut(u32, u32) -> bool,
+    stack: &mut [Entry],
+    accept: Accept<'_>,
 ) -> bool {
     match world.level {
         Level::Plain => touches(world, region, stack, accept),
-        #[cfg(target_arch = "x86_64")]
-        #[expect(
-            unsafe_code,
-            reason = "only Level::detect makes Avx2, after asking the processor"
-        )]
-        Level::Avx2 => unsafe { touches_avx2(world, region, stack, accept) },
+        Level::Vector(level) => dispatch!(level, _ => touches(world, region, stack, accept)),
     }
-}
-
-#[cfg(target_arch = "x86_64")]
-#[target_feature(enable = "avx2")]
-fn touches_avx2(
-    world: &World,
-    region: &Region,
-    stack: &mut Stack,
-    accept: &mut impl FnMut(u32, u32) -> bool,
-) -> bool {
-    touches(world, region, stack, accept)
 }

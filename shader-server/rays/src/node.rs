@@ -1,6 +1,6 @@
 //! Nodes of the eight-way trees, and the ray in the form that nodes and leaves want.
 
-use glam::Vec3;
+use glam::{Vec3, Vec3A, Vec3Swizzles};
 
 use crate::{Bounds, Ray};
 
@@ -37,9 +37,41 @@ impl Link {
     }
 
     #[inline(always)]
+    pub(crate) fn bits(self) -> u32 {
+        self.0
+    }
+
+    /// What [`bits`](Self::bits) came from.
+    #[inline(always)]
+    pub(crate) fn from_bits(bits: u32) -> Self {
+        Self(bits)
+    }
+
+    #[inline(always)]
     pub(crate) fn index(self) -> usize {
         (self.0 & !Self::LEAF) as usize
     }
+}
+
+/// Rows of [`Node::bounds`]. An enumeration, so that indexing by it needs no check.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub(crate) enum Row {
+    MinX,
+    MinY,
+    MinZ,
+    MaxX,
+    MaxY,
+    MaxZ,
+}
+
+/// Axes, for indexing without a check too.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub(crate) enum Axis {
+    X,
+    Y,
+    Z,
 }
 
 /// Eight children: bounds as structure of arrays, rows x, y, z of the minimum and then of the maximum.
@@ -48,6 +80,8 @@ impl Link {
 pub(crate) struct Node {
     pub(crate) bounds: [[f32; WIDTH]; 6],
     pub(crate) children: [Link; WIDTH],
+    /// Bits of the lanes with leaves.
+    pub(crate) leaves: u32,
 }
 
 impl Node {
@@ -56,7 +90,14 @@ impl Node {
         Self {
             bounds: [low, low, low, high, high, high],
             children: [Link::NONE; WIDTH],
+            leaves: 0,
         }
+    }
+
+    pub(crate) fn set_child(&mut self, lane: usize, link: Link, bounds: &Bounds) {
+        self.children[lane] = link;
+        self.leaves |= u32::from(link.is_leaf()) << lane;
+        self.set_bounds(lane, bounds);
     }
 
     pub(crate) fn set_bounds(&mut self, lane: usize, bounds: &Bounds) {
@@ -91,6 +132,23 @@ impl Node {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Tree {
     pub(crate) nodes: Vec<Node>,
+    /// Nodes on the longest way down.
+    pub(crate) depth: usize,
+}
+
+impl Tree {
+    /// Room that a traversal needs for nodes still to be visited.
+    pub(crate) fn stack_size(&self) -> usize {
+        WIDTH * (self.depth + 1)
+    }
+}
+
+/// One side of the slab test: which planes, and what takes them to distances along a ray.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Planes {
+    pub(crate) rows: [Row; 3],
+    pub(crate) origin: [f32; 3],
+    pub(crate) inverse: [f32; 3],
 }
 
 /// A ray prepared for one tree.
@@ -100,19 +158,18 @@ pub(crate) struct Tree {
 /// planes and once for the far ones, so that stored boxes stay tight.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct LocalRay {
-    pub(crate) origin: [f32; 3],
-    pub(crate) near_origin: [f32; 3],
-    pub(crate) far_origin: [f32; 3],
-    pub(crate) inverse: [f32; 3],
-    /// Row of [`Node::bounds`] with the near plane, for each axis.
-    pub(crate) near_row: [usize; 3],
-    /// Row with the far plane.
-    pub(crate) far_row: [usize; 3],
+    pub(crate) near: Planes,
+    pub(crate) far: Planes,
     /// Axes in the order x, y, z of the sheared space; z is the direction's largest component.
-    pub(crate) axes: [usize; 3],
+    pub(crate) axes: [Axis; 3],
+    /// In that order.
+    pub(crate) origin: [f32; 3],
     /// Shear to that space (Woop, Benthin and Wald 2013, section 3).
     pub(crate) shear: [f32; 3],
 }
+
+/// Largest inverse of a direction: finite, so that a plane through the origin is at distance 0 and no number is NaN.
+const MAX_INVERSE: f32 = 1e37;
 
 impl LocalRay {
     /// Prepares `ray` for a tree whose coordinates are at most `extent` in size.
@@ -124,53 +181,51 @@ impl LocalRay {
     /// The same with a pad `slack` times as large.
     #[inline(always)]
     pub(crate) fn with_slack(ray: &Ray, extent: f32, slack: f32) -> Self {
-        let origin = ray.origin.to_array();
-        let direction = ray.direction.to_array();
-        let pad = slack * 8. * f32::EPSILON * extent.max(ray.origin.abs().max_element());
-
-        let mut near_origin = origin;
-        let mut far_origin = origin;
-        let mut inverse = [0.; 3];
-        let mut near_row = [0, 1, 2];
-        let mut far_row = [3, 4, 5];
-        for axis in 0..3 {
-            // A zero gives an infinity of its sign; a plane at 0·∞ is NaN, which the slab test ignores.
-            inverse[axis] = 1. / direction[axis];
-            if direction[axis].is_sign_negative() {
-                near_row[axis] = axis + 3;
-                far_row[axis] = axis;
-                near_origin[axis] -= pad;
-                far_origin[axis] += pad;
-            } else {
-                near_origin[axis] += pad;
-                far_origin[axis] -= pad;
-            }
-        }
-
-        let size = [direction[0].abs(), direction[1].abs(), direction[2].abs()];
-        let z = if size[0] > size[1] {
-            if size[0] > size[2] { 0 } else { 2 }
-        } else if size[1] > size[2] {
-            1
-        } else {
-            2
-        };
-        let x = if z == 2 { 0 } else { z + 1 };
-        let y = if x == 2 { 0 } else { x + 1 };
-        let shear = [
-            direction[x] / direction[z],
-            direction[y] / direction[z],
-            1. / direction[z],
+        let (origin, direction) = (Vec3A::from(ray.origin), Vec3A::from(ray.direction));
+        let size = direction.abs();
+        let pad = slack * 8. * f32::EPSILON * extent.max(origin.abs().max_element());
+        let pad = Vec3A::splat(pad).copysign(direction);
+        let inverse = direction.recip();
+        let limit = Vec3A::splat(MAX_INVERSE);
+        let clamped = inverse.clamp(-limit, limit).to_array();
+        let [x_back, y_back, z_back] = direction.to_array().map(f32::is_sign_negative);
+        let row = |back: bool, min: Row, max: Row| if back { max } else { min };
+        let near_rows = [
+            row(x_back, Row::MinX, Row::MaxX),
+            row(y_back, Row::MinY, Row::MaxY),
+            row(z_back, Row::MinZ, Row::MaxZ),
         ];
+        let far_rows = [
+            row(x_back, Row::MaxX, Row::MinX),
+            row(y_back, Row::MaxY, Row::MinY),
+            row(z_back, Row::MaxZ, Row::MinZ),
+        ];
+
+        // Swizzles rather than indices: they stay in registers.
+        let (axes, sheared_origin, direction, inverse) = if size.x > size.y && size.x > size.z {
+            let axes = [Axis::Y, Axis::Z, Axis::X];
+            (axes, origin.yzx(), direction.yzx(), inverse.yzx())
+        } else if size.x <= size.y && size.y > size.z {
+            let axes = [Axis::Z, Axis::X, Axis::Y];
+            (axes, origin.zxy(), direction.zxy(), inverse.zxy())
+        } else {
+            ([Axis::X, Axis::Y, Axis::Z], origin, direction, inverse)
+        };
+        let shear = (direction * inverse.z).with_z(inverse.z);
         Self {
-            origin,
-            near_origin,
-            far_origin,
-            inverse,
-            near_row,
-            far_row,
-            axes: [x, y, z],
-            shear,
+            near: Planes {
+                rows: near_rows,
+                origin: (origin + pad).to_array(),
+                inverse: clamped,
+            },
+            far: Planes {
+                rows: far_rows,
+                origin: (origin - pad).to_array(),
+                inverse: clamped,
+            },
+            axes,
+            origin: sheared_origin.to_array(),
+            shear: shear.to_array(),
         }
     }
 }

@@ -5,8 +5,8 @@
 use glam::{Mat3A, Vec3, Vec3A};
 
 use crate::{
-    node::{Node, WIDTH},
-    traverse::{Entry, Stack},
+    node::{Link, Node, Tree, WIDTH},
+    traverse::{Entry, lanes},
     triangle::Block,
     world::{Instance, World},
 };
@@ -125,43 +125,21 @@ fn lanes_not_below_zero(values: &[f32; WIDTH]) -> u32 {
 pub(crate) fn touches(
     world: &World,
     region: &Region,
-    stack: &mut Stack,
-    accept: &mut impl FnMut(u32, u32) -> bool,
+    stack: &mut [Entry],
+    accept: &mut dyn FnMut(u32, u32) -> bool,
 ) -> bool {
     if !region.is_finite() {
         return true;
     }
+    let mut visit = |index: usize, stack: &mut [Entry]| {
+        instance_touches(&world.instances[index], index as u32, region, stack, accept)
+    };
     if world.tree.nodes.is_empty() {
-        return world.instances.iter().enumerate().any(|(index, instance)| {
-            instance_touches(instance, index as u32, region, stack, accept)
-        });
+        return (0..world.instances.len()).any(|index| visit(index, stack));
     }
     // The upper tree's boxes are exact to rounding, which the slack of the lower ones covers.
     let grown = region.grown(8. * f32::EPSILON * world.slack * world.extent);
-    let base = stack.len();
-    stack.push(Entry::node(0));
-    while stack.len() > base {
-        let Some(entry) = stack.pop() else { break };
-        let node = &world.tree.nodes[entry.index()];
-        let mut lanes = grown.boxes(node);
-        while lanes != 0 {
-            let child = node.children[lanes.trailing_zeros() as usize];
-            lanes &= lanes - 1;
-            if child.is_none() {
-                continue;
-            }
-            if !child.is_leaf() {
-                stack.push(Entry::node(child.index()));
-                continue;
-            }
-            let instance = &world.instances[child.index()];
-            if instance_touches(instance, child.index() as u32, region, stack, accept) {
-                stack.truncate(base);
-                return true;
-            }
-        }
-    }
-    false
+    any_leaf(&world.tree, &grown, stack, visit)
 }
 
 impl Region {
@@ -180,44 +158,49 @@ fn instance_touches(
     instance: &Instance,
     index: u32,
     region: &Region,
-    stack: &mut Stack,
-    accept: &mut impl FnMut(u32, u32) -> bool,
+    stack: &mut [Entry],
+    accept: &mut dyn FnMut(u32, u32) -> bool,
 ) -> bool {
-    let mesh = &instance.mesh;
-    if !instance.traceable || mesh.tree.nodes.is_empty() {
+    if !instance.traceable {
         return false;
     }
     let local = match instance.to_world_unless_identity() {
         Some(to_world) => region.in_object(to_world, instance.point_to_object(region.apex)),
         None => *region,
     };
-    let base = stack.len();
-    stack.push(Entry::node(0));
-    while stack.len() > base {
-        let Some(entry) = stack.pop() else { break };
-        let node = &mesh.tree.nodes[entry.index()];
-        let mut lanes = local.boxes(node);
-        while lanes != 0 {
-            let child = node.children[lanes.trailing_zeros() as usize];
-            lanes &= lanes - 1;
+    any_leaf(&instance.mesh.tree, &local, stack, |leaf, _| {
+        let block = &instance.mesh.blocks[leaf];
+        lanes(local.triangles(block)).any(|lane| accept(index, block.faces[lane]))
+    })
+}
+
+/// Whether `visit` says yes to a leaf whose box may reach into `region`; no others are asked after that.
+#[inline(always)]
+fn any_leaf(
+    tree: &Tree,
+    region: &Region,
+    stack: &mut [Entry],
+    mut visit: impl FnMut(usize, &mut [Entry]) -> bool,
+) -> bool {
+    let mut current = tree.nodes.first();
+    let mut top = 0;
+    while let Some(node) = current {
+        for lane in lanes(region.boxes(node)) {
+            let child = node.children[lane];
             if child.is_none() {
                 continue;
             }
             if !child.is_leaf() {
-                stack.push(Entry::node(child.index()));
-                continue;
-            }
-            let block = &mesh.blocks[child.index()];
-            let mut hits = local.triangles(block);
-            while hits != 0 {
-                let face = block.faces[hits.trailing_zeros() as usize];
-                hits &= hits - 1;
-                if accept(index, face) {
-                    stack.truncate(base);
-                    return true;
-                }
+                stack[top] = Entry::new(0., child.bits());
+                top += 1;
+            } else if visit(child.index(), &mut stack[top..]) {
+                return true;
             }
         }
+        current = (top > 0).then(|| {
+            top -= 1;
+            &tree.nodes[Link::from_bits(stack[top].place()).index()]
+        });
     }
     false
 }

@@ -1,126 +1,168 @@
-//! One traversal for both levels and both kinds of query.
-
-use std::marker::PhantomData;
+//! One traversal for both levels and both kinds of query, one ray at a time.
 
 use crate::{
-    Hit, Occluder, Ray,
+    Ray,
     kernel::Kernel,
-    mesh::TriangleMesh,
     node::{Link, LocalRay, Tree, WIDTH},
+    prefetch::prefetch,
+    query::Query,
     triangle::{Block, BlockHits},
-    world::World,
+    world::{Instance, World},
 };
 
-/// A node still to be visited.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Entry {
-    node: u32,
-    near: f32,
-}
+/// A place in a tree still to be visited and where the ray enters it; of two, the smaller is entered first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Entry(u64);
 
 impl Entry {
-    pub(crate) fn node(index: usize) -> Self {
-        Self {
-            node: index as u32,
-            near: 0.,
-        }
+    /// Nothing yet.
+    pub(crate) const NONE: Self = Self(0);
+
+    /// `enter` must not be negative: then its bits rise as it does.
+    #[inline(always)]
+    pub(crate) fn new(enter: f32, place: u32) -> Self {
+        Self(u64::from(enter.to_bits()) << 32 | u64::from(place))
     }
 
-    pub(crate) fn index(self) -> usize {
-        self.node as usize
+    #[inline(always)]
+    pub(crate) fn enter(self) -> f32 {
+        f32::from_bits((self.0 >> 32) as u32)
+    }
+
+    #[inline(always)]
+    pub(crate) fn place(self) -> u32 {
+        self.0 as u32
     }
 }
-
-/// Nodes still to be visited, shared by both levels.
-pub(crate) type Stack = Vec<Entry>;
 
 /// What is done at a tree's leaves.
-trait Leaves {
-    /// Visits one; returns whether the query is answered.
-    fn visit(&mut self, leaf: usize, t_max: &mut f32, stack: &mut Stack) -> bool;
+pub(crate) trait Leaves {
+    /// Whether they are tried as soon as they are met, which suits blocks of triangles, or when it is their turn.
+    const AT_ONCE: bool;
+
+    /// Says that one will be visited soon.
+    fn prefetch(&self, leaf: usize);
+
+    /// Visits one; returns whether the query is answered. `t_max` may be shortened.
+    fn visit(&mut self, leaf: usize, t_max: &mut f32, stack: &mut [Entry]) -> bool;
 }
 
-/// What a query makes of hits.
-pub(crate) trait Query {
-    /// Whether nearer nodes are worth visiting first.
-    const ORDERED: bool;
-
-    /// A leaf to try before all others, as instance and block.
-    fn first_try(&self) -> Option<(u32, u32)> {
-        None
-    }
-
-    /// Notes the leaf that answered the query.
-    fn answered_by(&mut self, _instance: u32, _block: u32) {}
-
-    /// Takes the hits of one block, in `lanes`, shortening `t_max` if only nearer ones matter; returns whether the query is answered.
-    fn take(
-        &mut self,
-        instance: u32,
-        block: &Block,
-        lanes: u32,
-        hits: &BlockHits,
-        t_max: &mut f32,
-    ) -> bool;
-}
-
-/// Visits the leaves of `tree` that the ray meets no later than `t_max`, which visits may shorten.
+/// Visits the leaves of `tree` below node `start` that the ray meets no later than `t_max`.
 #[inline(always)]
-fn walk<K: Kernel, const ORDERED: bool>(
-    tree: &Tree,
+fn walk<K: Kernel, L: Leaves, const ORDERED: bool>(
+    kernel: K,
+    (tree, start): (&Tree, usize),
     ray: &LocalRay,
     t_max: &mut f32,
-    stack: &mut Stack,
-    leaves: &mut impl Leaves,
+    stack: &mut [Entry],
+    leaves: &mut L,
 ) -> bool {
     if tree.nodes.is_empty() {
         return false;
     }
-    let base = stack.len();
-    let mut near = [0.; WIDTH];
-    let mut current = 0;
+    let mut enter = [0.; WIDTH];
+    let mut current = start;
+    let mut top = 0;
     loop {
         let node = &tree.nodes[current];
-        let mut lanes = K::slabs(node, ray, *t_max, &mut near);
-        let first = stack.len();
-        while lanes != 0 {
-            let lane = lanes.trailing_zeros() as usize;
-            lanes &= lanes - 1;
-            let child: Link = node.children[lane];
-            if child.is_leaf() {
-                if near[lane] <= *t_max && leaves.visit(child.index(), t_max, stack) {
-                    stack.truncate(base);
-                    return true;
+        let met = kernel.slabs(node, &ray.near, &ray.far, *t_max, &mut enter);
+        let at_once = if L::AT_ONCE { met & node.leaves } else { 0 };
+        for lane in lanes(at_once) {
+            leaves.prefetch(node.children[lane].index());
+        }
+        // The nearest stays in hand, the others go on the stack with the farthest first.
+        let mut next = None;
+        let first = top;
+        for lane in lanes(met & !at_once) {
+            let link = node.children[lane];
+            if !link.is_leaf() {
+                prefetch(&tree.nodes[link.index()]);
+            }
+            let mut entry = Entry::new(enter[lane], link.bits());
+            if let Some(other) = next.replace(entry) {
+                if ORDERED && other < entry {
+                    next = Some(other);
+                } else {
+                    entry = other;
                 }
-            } else {
-                stack.push(Entry {
-                    node: child.index() as u32,
-                    near: near[lane],
-                });
+                stack[top] = entry;
+                top += 1;
             }
         }
         if ORDERED {
-            sort_nearest_last(&mut stack[first..]);
+            sort_nearest_last(&mut stack[first..top]);
+        }
+        // Neighbours may share a leaf.
+        let mut last = Link::NONE;
+        for lane in lanes(at_once) {
+            let link = node.children[lane];
+            if link == last || (ORDERED && enter[lane] > *t_max) {
+                continue;
+            }
+            last = link;
+            if leaves.visit(link.index(), t_max, &mut stack[top..]) {
+                return true;
+            }
         }
         current = loop {
-            if stack.len() == base {
-                return false;
+            let entry = match next.take() {
+                Some(entry) => entry,
+                None if top == 0 => return false,
+                None => {
+                    top -= 1;
+                    stack[top]
+                }
+            };
+            if ORDERED && entry.enter() > *t_max {
+                continue;
             }
-            match stack.pop() {
-                Some(entry) if entry.near <= *t_max => break entry.node as usize,
-                Some(_) => {}
-                None => return false,
+            let link = Link::from_bits(entry.place());
+            if L::AT_ONCE || !link.is_leaf() {
+                break link.index();
+            }
+            if leaves.visit(link.index(), t_max, &mut stack[top..]) {
+                return true;
             }
         };
     }
 }
 
+/// [`walk`] in the order that queries `Q` want.
 #[inline(always)]
-fn sort_nearest_last(entries: &mut [Entry]) {
+pub(crate) fn walk_for<K: Kernel, Q: Query, L: Leaves>(
+    kernel: K,
+    from: (&Tree, usize),
+    ray: &LocalRay,
+    t_max: &mut f32,
+    stack: &mut [Entry],
+    leaves: &mut L,
+) -> bool {
+    if Q::ORDERED {
+        walk::<_, _, true>(kernel, from, ray, t_max, stack, leaves)
+    } else {
+        walk::<_, _, false>(kernel, from, ray, t_max, stack, leaves)
+    }
+}
+
+/// The bits that are set, from the lowest.
+#[inline(always)]
+pub(crate) fn lanes(mut bits: u32) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        if bits == 0 {
+            return None;
+        }
+        let lane = bits.trailing_zeros() as usize & (WIDTH - 1);
+        bits &= bits - 1;
+        Some(lane)
+    })
+}
+
+#[inline(always)]
+pub(crate) fn sort_nearest_last(entries: &mut [Entry]) {
     for i in 1..entries.len() {
         let entry = entries[i];
         let mut j = i;
-        while j > 0 && entries[j - 1].near < entry.near {
+        while j > 0 && entries[j - 1] < entry {
             entries[j] = entries[j - 1];
             j -= 1;
         }
@@ -128,221 +170,146 @@ fn sort_nearest_last(entries: &mut [Entry]) {
     }
 }
 
-struct MeshLeaves<'a, K, Q> {
-    kernel: PhantomData<K>,
-    hits: BlockHits,
+/// Blocks of triangles.
+pub(crate) struct MeshLeaves<'a, K, Q> {
+    kernel: K,
     blocks: &'a [Block],
     ray: &'a LocalRay,
     instance: u32,
     query: &'a mut Q,
+    hits: BlockHits,
 }
 
-impl<K: Kernel, Q: Query> Leaves for MeshLeaves<'_, K, Q> {
+impl<'a, K: Kernel, Q: Query> MeshLeaves<'a, K, Q> {
     #[inline(always)]
-    fn visit(&mut self, leaf: usize, t_max: &mut f32, _: &mut Stack) -> bool {
-        let block = &self.blocks[leaf];
-        let lanes = K::triangles(block, self.ray, *t_max, &mut self.hits);
-        if lanes == 0
-            || !self
-                .query
-                .take(self.instance, block, lanes, &self.hits, t_max)
-        {
-            return false;
+    pub(crate) fn new(
+        kernel: K,
+        blocks: &'a [Block],
+        ray: &'a LocalRay,
+        instance: u32,
+        query: &'a mut Q,
+    ) -> Self {
+        Self {
+            kernel,
+            blocks,
+            ray,
+            instance,
+            query,
+            hits: BlockHits::default(),
         }
-        self.query.answered_by(self.instance, leaf as u32);
-        true
     }
 }
 
-struct WorldLeaves<'a, K, Q> {
-    kernel: PhantomData<K>,
-    world: &'a World,
+impl<K: Kernel, Q: Query> Leaves for MeshLeaves<'_, K, Q> {
+    const AT_ONCE: bool = true;
+
+    #[inline(always)]
+    fn prefetch(&self, leaf: usize) {
+        prefetch(&self.blocks[leaf]);
+    }
+
+    #[inline(always)]
+    fn visit(&mut self, leaf: usize, t_max: &mut f32, _: &mut [Entry]) -> bool {
+        let block = &self.blocks[leaf];
+        let hits = &mut self.hits;
+        let lanes = self.kernel.triangles(block, self.ray, *t_max, hits);
+        lanes != 0
+            && self
+                .query
+                .take((self.instance, leaf as u32), block, lanes, hits, t_max)
+    }
+}
+
+/// Instances.
+pub(crate) struct WorldLeaves<'a, K, Q> {
+    kernel: K,
+    instances: &'a [Instance],
     ray: &'a Ray,
     query: &'a mut Q,
 }
 
-impl<K: Kernel, Q: Query> Leaves for WorldLeaves<'_, K, Q> {
+impl<'a, K: Kernel, Q: Query> WorldLeaves<'a, K, Q> {
     #[inline(always)]
-    fn visit(&mut self, leaf: usize, t_max: &mut f32, stack: &mut Stack) -> bool {
-        let instance = &self.world.instances[leaf];
-        if !instance.traceable {
-            return false;
+    pub(crate) fn new(kernel: K, world: &'a World, ray: &'a Ray, query: &'a mut Q) -> Self {
+        Self {
+            kernel,
+            instances: &world.instances,
+            ray,
+            query,
         }
-        let ray = instance.to_object(self.ray);
-        walk_mesh::<K, Q>(&instance.mesh, &ray, leaf as u32, t_max, stack, self.query)
     }
 }
 
-#[inline(always)]
-fn walk_mesh<K: Kernel, Q: Query>(
-    mesh: &TriangleMesh,
-    ray: &Ray,
-    instance: u32,
-    t_max: &mut f32,
-    stack: &mut Stack,
-    query: &mut Q,
-) -> bool {
-    let local = LocalRay::new(ray, mesh.extent);
-    let mut leaves = MeshLeaves {
-        kernel: PhantomData::<K>,
-        hits: BlockHits::default(),
-        blocks: &mesh.blocks,
-        ray: &local,
-        instance,
-        query,
-    };
-    if Q::ORDERED {
-        walk::<K, true>(&mesh.tree, &local, t_max, stack, &mut leaves)
-    } else {
-        walk::<K, false>(&mesh.tree, &local, t_max, stack, &mut leaves)
+impl<K: Kernel, Q: Query> Leaves for WorldLeaves<'_, K, Q> {
+    const AT_ONCE: bool = false;
+
+    #[inline(always)]
+    fn prefetch(&self, _: usize) {}
+
+    #[inline(always)]
+    fn visit(&mut self, leaf: usize, t_max: &mut f32, stack: &mut [Entry]) -> bool {
+        let instance = &self.instances[leaf];
+        let Some(ray) = instance.to_object(self.ray) else {
+            return false;
+        };
+        let mesh = &instance.mesh;
+        let local = LocalRay::new(&ray, mesh.extent);
+        let tree = (&mesh.tree, 0);
+        let mut leaves =
+            MeshLeaves::new(self.kernel, &mesh.blocks, &local, leaf as u32, self.query);
+        walk_for::<_, Q, _>(self.kernel, tree, &local, t_max, stack, &mut leaves)
     }
 }
 
 /// Runs a query; the ray must be valid.
 #[inline(always)]
 pub(crate) fn run<K: Kernel, Q: Query>(
+    kernel: K,
     world: &World,
     ray: &Ray,
     mut t_max: f32,
-    stack: &mut Stack,
+    stack: &mut [Entry],
     query: &mut Q,
 ) {
-    if let Some((instance, block)) = query.first_try()
-        && try_block::<K, Q>(world, ray, &mut t_max, (instance, block), query)
+    if let Some(leaf) = query.first_try()
+        && try_block(kernel, world, ray, &mut t_max, leaf, query)
     {
         return;
     }
-    let mut leaves = WorldLeaves {
-        kernel: PhantomData::<K>,
-        world,
-        ray,
-        query,
-    };
+    let mut leaves = WorldLeaves::new(kernel, world, ray, query);
     if world.instances.len() == 1 {
         leaves.visit(0, &mut t_max, stack);
         return;
     }
     let local = LocalRay::with_slack(ray, world.extent, world.slack);
-    if Q::ORDERED {
-        walk::<K, true>(&world.tree, &local, &mut t_max, stack, &mut leaves);
-    } else {
-        walk::<K, false>(&world.tree, &local, &mut t_max, stack, &mut leaves);
-    }
+    let tree = (&world.tree, 0);
+    walk_for::<_, Q, _>(kernel, tree, &local, &mut t_max, stack, &mut leaves);
 }
 
 /// Tries one leaf; returns whether that answers the query.
 #[inline(always)]
 fn try_block<K: Kernel, Q: Query>(
+    kernel: K,
     world: &World,
     ray: &Ray,
     t_max: &mut f32,
     (index, block): (u32, u32),
     query: &mut Q,
 ) -> bool {
-    let Some(instance) = world.instances.get(index as usize).filter(|i| i.traceable) else {
+    let Some(instance) = world.instances.get(index as usize) else {
         return false;
     };
-    let Some(block) = instance.mesh.blocks.get(block as usize) else {
+    let (Some(ray), true) = (
+        instance.to_object(ray),
+        (block as usize) < instance.mesh.blocks.len(),
+    ) else {
         return false;
     };
-    let local = LocalRay::new(&instance.to_object(ray), instance.mesh.extent);
-    let mut hits = BlockHits::default();
-    let lanes = K::triangles(block, &local, *t_max, &mut hits);
-    lanes != 0 && query.take(index, block, lanes, &hits, t_max)
-}
-
-/// The closest hit.
-pub(crate) struct Closest {
-    best: Hit,
-}
-
-impl Closest {
-    pub(crate) fn within(t_max: f32) -> Self {
-        let best = Hit {
-            t: t_max,
-            instance: u32::MAX,
-            face: u32::MAX,
-            barycentric: [0.; 2],
-        };
-        Self { best }
-    }
-
-    pub(crate) fn hit(self) -> Option<Hit> {
-        (self.best.instance != u32::MAX).then_some(self.best)
-    }
-}
-
-impl Query for Closest {
-    const ORDERED: bool = true;
-
-    #[inline(always)]
-    fn take(
-        &mut self,
-        instance: u32,
-        block: &Block,
-        mut lanes: u32,
-        hits: &BlockHits,
-        t_max: &mut f32,
-    ) -> bool {
-        while lanes != 0 {
-            let lane = lanes.trailing_zeros() as usize;
-            lanes &= lanes - 1;
-            let (t, face) = (hits.t[lane], block.faces[lane]);
-            let best = &self.best;
-            if t < best.t || (t == best.t && (instance, face) < (best.instance, best.face)) {
-                let scale = 1. / hits.determinant[lane];
-                let barycentric = [hits.v[lane] * scale, hits.w[lane] * scale];
-                self.best = Hit {
-                    t,
-                    instance,
-                    face,
-                    barycentric,
-                };
-                *t_max = t;
-            }
-        }
-        false
-    }
-}
-
-/// The first hit met that is accepted.
-pub(crate) struct Any<F> {
-    pub(crate) accept: F,
-    pub(crate) found: Option<Occluder>,
-    /// Leaf of the last hit of a query like this.
-    pub(crate) recent: Option<(u32, u32)>,
-}
-
-impl<F: FnMut(u32, u32) -> bool> Query for Any<F> {
-    const ORDERED: bool = false;
-
-    #[inline(always)]
-    fn first_try(&self) -> Option<(u32, u32)> {
-        self.recent
-    }
-
-    #[inline(always)]
-    fn answered_by(&mut self, instance: u32, block: u32) {
-        self.recent = Some((instance, block));
-    }
-
-    #[inline(always)]
-    fn take(
-        &mut self,
-        instance: u32,
-        block: &Block,
-        mut lanes: u32,
-        _: &BlockHits,
-        _: &mut f32,
-    ) -> bool {
-        while lanes != 0 {
-            let face = block.faces[lanes.trailing_zeros() as usize];
-            lanes &= lanes - 1;
-            if (self.accept)(instance, face) {
-                self.found = Some(Occluder { instance, face });
-                return true;
-            }
-        }
-        false
-    }
+    let mesh = &instance.mesh;
+    let local = LocalRay::new(&ray, mesh.extent);
+    MeshLeaves::new(kernel, &mesh.blocks, &local, index, query).visit(
+        block as usize,
+        t_max,
+        &mut [],
+    )
 }

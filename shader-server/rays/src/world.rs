@@ -8,14 +8,16 @@ use crate::{
     Bounds, Hit, Occluder, Ray, Region,
     build::binary_tree,
     collapse::collapse,
-    dispatch::{Level, query, region_touched},
+    dispatch::{Level, any, any_each, closest, closest_each, region_touched},
     mesh::TriangleMesh,
     node::Tree,
-    traverse::{Any, Closest, Stack},
+    query::Any,
+    traverse::Entry,
 };
 
 thread_local! {
-    static STACK: Cell<Stack> = const { Cell::new(Vec::new()) };
+    /// Places still to be visited, kept from query to query.
+    static STACK: Cell<Vec<Entry>> = const { Cell::new(Vec::new()) };
 }
 
 #[derive(Clone, Debug)]
@@ -80,13 +82,13 @@ impl Instance {
         self.to_object.transform_point3a(Vec3A::from(point)).into()
     }
 
-    /// The ray in object space; distances along it stay what they are.
+    /// The ray in object space, unless it cannot hit anything there; distances along it stay what they are.
     #[inline(always)]
-    pub(crate) fn to_object(&self, ray: &Ray) -> Ray {
-        if self.identity {
-            return *ray;
+    pub(crate) fn to_object(&self, ray: &Ray) -> Option<Ray> {
+        if self.identity || !self.traceable {
+            return self.traceable.then_some(*ray);
         }
-        Ray {
+        let local = Ray {
             origin: self
                 .to_object
                 .transform_point3a(Vec3A::from(ray.origin))
@@ -95,7 +97,8 @@ impl Instance {
                 .to_object
                 .transform_vector3a(Vec3A::from(ray.direction))
                 .into(),
-        }
+        };
+        local.is_valid().then_some(local)
     }
 }
 
@@ -136,6 +139,7 @@ pub struct World {
     pub(crate) extent: f32,
     pub(crate) slack: f32,
     pub(crate) level: Level,
+    stack_size: usize,
 }
 
 impl World {
@@ -167,13 +171,22 @@ impl World {
             tree,
             extent: 0.,
             slack: 1.,
-            level: Level::detect(),
+            level: Level::Vector(fearless_simd::Level::new()),
+            stack_size: 0,
         };
         world.refit();
         world
     }
 
-    /// The same world, traced without vector instructions of newer processors: same results, to the bit.
+    /// The same world, traced with the vector instructions that every processor of this architecture has: same results, to
+    /// the bit.
+    #[must_use]
+    pub fn with_baseline_simd(mut self) -> Self {
+        self.level = Level::Vector(fearless_simd::Level::baseline());
+        self
+    }
+
+    /// The same world, traced without vector instructions: same results, to the bit.
     #[must_use]
     pub fn without_simd(mut self) -> Self {
         self.level = Level::Plain;
@@ -222,6 +235,9 @@ impl World {
                 self.tree.nodes[index].set_bounds(lane, &bounds);
             }
         }
+        let meshes = self.instances.iter().map(|i| i.mesh.tree.stack_size());
+        // A packet in a mesh may leave a single ray to walk a part of it.
+        self.stack_size = 2 * (self.tree.stack_size() + meshes.max().unwrap_or(0));
         self.extent = self.bounds().max_abs();
         self.slack = self
             .instances
@@ -260,14 +276,24 @@ impl World {
     /// The closest hit at a distance of at most `t_max`.
     #[must_use]
     pub fn closest(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
-        if !ray.is_valid() || self.instances.is_empty() {
+        if !ray.is_valid() || !(t_max > 0.) || self.instances.is_empty() {
             return None;
         }
-        let mut closest = Closest::within(t_max);
-        let mut stack = STACK.take();
-        query(self, ray, t_max, &mut stack, &mut closest);
-        STACK.set(stack);
-        closest.hit()
+        self.with_stack(|stack| closest(self, ray, t_max, stack))
+            .hit()
+    }
+
+    /// [`closest`](Self::closest) for each of `rays`, in order, into `hits`, whose contents are replaced.
+    ///
+    /// Eight neighbours in the list at a time are traced together, which pays where they run alike, such as those through
+    /// neighbouring pixels; hits are the same as one by one, to the bit.
+    pub fn closest_each(&self, rays: &[Ray], t_max: f32, hits: &mut Vec<Option<Hit>>) {
+        hits.clear();
+        if self.instances.is_empty() {
+            hits.resize(rays.len(), None);
+            return;
+        }
+        self.with_stack(|stack| closest_each(self, rays, t_max, stack, |c| hits.push(c.hit())));
     }
 
     /// Something that the ray meets at a distance of at most `t_max`: not the closest, but the first found.
@@ -293,28 +319,55 @@ impl World {
         ray: &Ray,
         t_max: f32,
         recent: &mut Recent,
-        accept: impl FnMut(u32, u32) -> bool,
+        mut accept: impl FnMut(u32, u32) -> bool,
     ) -> Option<Occluder> {
-        if !ray.is_valid() || self.instances.is_empty() {
+        if !ray.is_valid() || !(t_max > 0.) || self.instances.is_empty() {
             return None;
         }
-        let mut any = Any {
-            accept,
+        let mut query = Any {
+            accept: &mut accept as &mut dyn FnMut(u32, u32) -> bool,
             found: None,
             recent: recent.0,
         };
-        let mut stack = STACK.take();
-        query(self, ray, t_max, &mut stack, &mut any);
-        STACK.set(stack);
-        recent.0 = any.recent;
-        any.found
+        self.with_stack(|stack| any(self, ray, t_max, &mut query, stack));
+        recent.0 = query.recent;
+        query.found
+    }
+
+    /// An occluder of each of `rays`, in order, into `found`, whose contents are replaced: there is one where
+    /// [`occluder_where`](Self::occluder_where) finds one, though it may be another. `accept` gets a ray's index, an instance
+    /// and a face.
+    ///
+    /// Rays are traced together as by [`closest_each`](Self::closest_each).
+    pub fn occluder_each(
+        &self,
+        rays: &[Ray],
+        t_max: f32,
+        accept: impl Fn(usize, u32, u32) -> bool,
+        found: &mut Vec<Option<Occluder>>,
+    ) {
+        found.clear();
+        if self.instances.is_empty() {
+            found.resize(rays.len(), None);
+            return;
+        }
+        self.with_stack(|stack| any_each(self, rays, t_max, &accept, stack, |o| found.push(o)));
     }
 
     /// Whether a face for which `accept(instance, face)` holds may reach into `region`. "No" is certain to the rounding of
     /// coordinates relative to the region's apex; "yes" may be wrong for faces near its edges.
     pub fn may_touch(&self, region: &Region, mut accept: impl FnMut(u32, u32) -> bool) -> bool {
+        self.with_stack(|stack| region_touched(self, region, stack, &mut accept))
+    }
+
+    /// Lends this thread's stack, large enough for this world.
+    #[inline(always)]
+    fn with_stack<T>(&self, query: impl FnOnce(&mut [Entry]) -> T) -> T {
         let mut stack = STACK.take();
-        let answer = region_touched(self, region, &mut stack, &mut accept);
+        if stack.len() < self.stack_size {
+            stack.resize(self.stack_size, Entry::NONE);
+        }
+        let answer = query(&mut stack);
         STACK.set(stack);
         answer
     }

@@ -63,6 +63,8 @@ fn check(instances: &[(&Soup, Affine3A)], world: &World, ray: &Ray, t_max: f32) 
     let found = world.closest(ray, t_max);
     assert_eq!(found, expected, "{ray:?} up to {t_max}");
     assert_eq!(world.clone().without_simd().closest(ray, t_max), expected);
+    let baseline = world.clone().with_baseline_simd();
+    assert_eq!(baseline.closest(ray, t_max), expected);
     assert_eq!(
         world.occluder(ray, t_max).is_some(),
         expected.is_some(),
@@ -116,6 +118,66 @@ proptest! {
             world.refit();
             for _ in 0..20 {
                 check(&instances, &world, &random_ray(&mut random, &soup), f32::INFINITY);
+            }
+        }
+    }
+}
+
+/// Rays that run alike: from about one place through about another, often through a vertex, some of them broken.
+fn alike(random: &mut Random, soup: &Soup, count: usize) -> Vec<Ray> {
+    let origin = random.cube() * 4.;
+    let target = soup.positions[random.pick(soup.positions.len())];
+    let spread = [0., 1e-3, 0.05, 0.5][random.pick(4)];
+    let mut rays: Vec<Ray> = (0..count)
+        .map(|i| {
+            let origin = origin + random.cube() * spread;
+            let target = target + random.cube() * spread * (i % 4) as f32;
+            let direction = target - origin;
+            Ray { origin, direction }
+        })
+        .collect();
+    if random.pick(4) == 0 {
+        rays[0].origin.x = f32::NAN;
+    }
+    rays
+}
+
+proptest! {
+    #![proptest_config(config())]
+
+    #[test]
+    fn packets_hit_what_single_rays_hit(seed in any::<u64>(), count in 1usize..200) {
+        let mut random = Random(seed);
+        let soups: Vec<Soup> = (0..2).map(|_| soup(&mut random, count, 0.3)).collect();
+        let places: Vec<(usize, Affine3A)> =
+            (0..1 + random.pick(9)).map(|_| (random.pick(2), random_transform(&mut random))).collect();
+        let built: Vec<Arc<TriangleMesh>> =
+            soups.iter().map(|s| Arc::new(TriangleMesh::build(&s.positions, &s.faces))).collect();
+        let instances: Vec<(&Soup, Affine3A)> = places.iter().map(|&(m, at)| (&soups[m], at)).collect();
+        let world = World::new(places.iter().map(|&(m, at)| (Arc::clone(&built[m]), at)).collect());
+        let levels = [world.clone(), world.clone().with_baseline_simd(), world.clone().without_simd()];
+        let (mut hits, mut found) = (Vec::new(), Vec::new());
+        for round in 0..40 {
+            let rays = alike(&mut random, &soups[0], 1 + round % 19);
+            let t_max = if random.pick(2) == 0 { f32::INFINITY } else { 2. * random.unit() };
+            let expected: Vec<_> = rays.iter().map(|ray| {
+                ray.is_valid().then(|| brute_closest(&instances, ray, t_max)).flatten()
+            }).collect();
+            for world in &levels {
+                world.closest_each(&rays, t_max, &mut hits);
+                prop_assert_eq!(&hits, &expected);
+                world.occluder_each(&rays, t_max, |_, _, _| true, &mut found);
+                let blocked: Vec<bool> = found.iter().map(Option::is_some).collect();
+                let expected: Vec<bool> = expected.iter().map(Option::is_some).collect();
+                prop_assert_eq!(blocked, expected);
+                // What is accepted may depend on the ray.
+                let odd = |ray: usize, _: u32, face: u32| (ray + face as usize) % 2 == 1;
+                world.occluder_each(&rays, t_max, odd, &mut found);
+                for (i, ray) in rays.iter().enumerate() {
+                    let alone = world.occluder_where(ray, t_max, |instance, face| odd(i, instance, face));
+                    prop_assert_eq!(found[i].is_some(), alone.is_some());
+                    prop_assert!(found[i].is_none_or(|o| odd(i, o.instance, o.face)));
+                }
             }
         }
     }
@@ -187,6 +249,9 @@ fn empty_worlds_and_flat_transforms_are_never_hit() {
         direction: Vec3::NEG_Z,
     };
     assert_eq!(World::new(vec![]).closest(&ray, f32::INFINITY), None);
+    let mut hits = vec![None];
+    World::new(vec![]).closest_each(&[ray; 3], f32::INFINITY, &mut hits);
+    assert_eq!(hits, [None; 3]);
     assert_eq!(
         World::new(vec![(nothing.clone(), Affine3A::IDENTITY)]).occluder(&ray, 9.),
         None

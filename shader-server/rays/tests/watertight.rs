@@ -36,6 +36,7 @@ fn assert_closed(name: &str, scale: f32, offset: Vec3) {
     let plain = world.clone().without_simd();
     let from = offset + vec3(0.1, 0.05, -0.2) * scale;
     let (mut missed, mut shadowless) = (0, 0);
+    let mut rays = Vec::new();
     for target in targets(&soup) {
         for direction in [target - from, (target - from).normalize_or(Vec3::X)] {
             let ray = Ray {
@@ -44,11 +45,19 @@ fn assert_closed(name: &str, scale: f32, offset: Vec3) {
             };
             let hit = world.closest(&ray, f32::INFINITY);
             assert_eq!(hit, plain.closest(&ray, f32::INFINITY), "{name}: {ray:?}");
+            rays.push(ray);
             missed += usize::from(hit.is_none());
             shadowless += usize::from(world.occluder(&ray, f32::INFINITY).is_none());
         }
     }
     assert_eq!((missed, shadowless), (0, 0), "{name}: closest, any");
+    let (mut hits, mut found) = (Vec::new(), Vec::new());
+    for world in [&world, &plain, &world.clone().with_baseline_simd()] {
+        world.closest_each(&rays, f32::INFINITY, &mut hits);
+        world.occluder_each(&rays, f32::INFINITY, |_, _, _| true, &mut found);
+        assert!(hits.iter().all(Option::is_some), "{name}: packets, closest");
+        assert!(found.iter().all(Option::is_some), "{name}: packets, any");
+    }
 }
 
 #[test]

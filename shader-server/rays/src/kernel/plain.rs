@@ -1,49 +1,55 @@
-//! Both loops one lane after another.
+//! One lane after another.
 
 use super::Kernel;
 use crate::{
-    node::{LocalRay, Node, WIDTH},
+    node::{LocalRay, Node, Planes, WIDTH},
+    packet::Bundle,
     triangle::{Block, BlockHits},
 };
 
 /// Runs anywhere.
+#[derive(Clone, Copy)]
 pub(crate) struct Plain;
 
 impl Kernel for Plain {
     #[inline(always)]
-    fn slabs(node: &Node, ray: &LocalRay, t_max: f32, near: &mut [f32; WIDTH]) -> u32 {
-        *near = [0.; WIDTH];
-        let mut far = [t_max; WIDTH];
+    fn slabs(
+        self,
+        node: &Node,
+        near: &Planes,
+        far: &Planes,
+        t_max: f32,
+        enter: &mut [f32; WIDTH],
+    ) -> u32 {
+        *enter = [0.; WIDTH];
+        let mut leave = [t_max; WIDTH];
         for axis in 0..3 {
-            let near_planes = &node.bounds[ray.near_row[axis]];
-            let far_planes = &node.bounds[ray.far_row[axis]];
+            let near_planes = &node.bounds[near.rows[axis] as usize];
+            let far_planes = &node.bounds[far.rows[axis] as usize];
             for lane in 0..WIDTH {
-                let entry = (near_planes[lane] - ray.near_origin[axis]) * ray.inverse[axis];
-                let exit = (far_planes[lane] - ray.far_origin[axis]) * ray.inverse[axis];
-                near[lane] = if entry > near[lane] {
-                    entry
-                } else {
-                    near[lane]
-                };
-                far[lane] = if exit < far[lane] { exit } else { far[lane] };
+                let entry = (near_planes[lane] - near.origin[axis]) * near.inverse[axis];
+                let exit = (far_planes[lane] - far.origin[axis]) * far.inverse[axis];
+                enter[lane] = larger(entry, enter[lane]);
+                leave[lane] = smaller(exit, leave[lane]);
             }
         }
         (0..WIDTH).fold(0, |lanes, lane| {
-            lanes | u32::from(near[lane] <= far[lane]) << lane
+            lanes | u32::from(enter[lane] <= leave[lane]) << lane
         })
     }
 
     #[inline(always)]
-    fn triangles(block: &Block, ray: &LocalRay, t_max: f32, hits: &mut BlockHits) -> u32 {
-        let [x, y, z] = ray.axes;
+    fn triangles(self, block: &Block, ray: &LocalRay, t_max: f32, hits: &mut BlockHits) -> u32 {
+        let [x, y, z] = ray.axes.map(|axis| axis as usize);
+        let [origin_x, origin_y, origin_z] = ray.origin;
         let mut lanes = 0;
         for lane in 0..WIDTH {
             let [a, b, c] = [0, 1, 2].map(|corner| {
                 let rows = &block.corners[corner];
-                let depth = rows[z][lane] - ray.origin[z];
+                let depth = rows[z][lane] - origin_z;
                 [
-                    (rows[x][lane] - ray.origin[x]) - ray.shear[0] * depth,
-                    (rows[y][lane] - ray.origin[y]) - ray.shear[1] * depth,
+                    (rows[x][lane] - origin_x) - ray.shear[0] * depth,
+                    (rows[y][lane] - origin_y) - ray.shear[1] * depth,
                     depth,
                 ]
             });
@@ -63,4 +69,34 @@ impl Kernel for Plain {
         }
         lanes
     }
+
+    #[inline(always)]
+    fn rays_in_box(self, node: &Node, lane: usize, rays: &Bundle, t_max: &[f32; WIDTH]) -> u32 {
+        let mut bits = 0;
+        for ray in 0..WIDTH {
+            let (mut enter, mut leave) = (0f32, t_max[ray]);
+            for axis in 0..3 {
+                let near_plane = node.bounds[rays.near.rows[axis] as usize][lane];
+                let far_plane = node.bounds[rays.far.rows[axis] as usize][lane];
+                let inverse = rays.inverse[axis][ray];
+                let entry = (near_plane - rays.near_origin[axis][ray]) * inverse;
+                let exit = (far_plane - rays.far_origin[axis][ray]) * inverse;
+                enter = larger(entry, enter);
+                leave = smaller(exit, leave);
+            }
+            bits |= u32::from(enter <= leave) << ray;
+        }
+        bits
+    }
+}
+
+/// Of zeros of both signs the second, as vector instructions do it.
+#[inline(always)]
+fn larger(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+#[inline(always)]
+fn smaller(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
 }

@@ -119,7 +119,8 @@ pub fn intersect(corners: [Vec3; 3], ray: &Ray) -> Option<(f32, [f32; 2])> {
     };
     let (x, y) = ((z + 1) % 3, (z + 2) % 3);
     let d = ray.direction;
-    let (sx, sy, sz) = (d[x] / d[z], d[y] / d[z], 1. / d[z]);
+    let sz = 1. / d[z];
+    let (sx, sy) = (d[x] * sz, d[y] * sz);
     let [a, b, c] = corners.map(|p| {
         let p = p - ray.origin;
         vec3(p[x] - sx * p[z], p[y] - sy * p[z], p[z])
