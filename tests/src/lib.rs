@@ -8,5 +8,6 @@ pub mod edge_accuracy;
 pub mod metrics;
 pub mod picture;
 pub mod places;
+pub mod ray_speed;
 pub mod report;
 pub mod shadow_accuracy;

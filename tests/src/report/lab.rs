@@ -128,6 +128,8 @@ pub struct Lab<'a> {
     pub shadow_cases: Vec<Case>,
     /// Those of the 2003 paper's tables.
     pub paper_cases: Vec<Case>,
+    /// Embree 4's shared library, where it was given.
+    pub embree: Option<PathBuf>,
     /// The machine measured on.
     pub machine: Machine,
     work: PathBuf,
@@ -161,6 +163,7 @@ impl<'a> Lab<'a> {
             cases,
             shadow_cases: Vec::new(),
             paper_cases: Vec::new(),
+            embree: None,
             machine,
             work,
             start,

@@ -50,6 +50,9 @@ pub struct Args {
     /// Only these sections (may be repeated).
     #[arg(long, value_name = "SECTION", value_parser = sections::names())]
     pub only: Vec<String>,
+    /// Embree 4's shared library, to race rays against.
+    #[arg(long, value_name = "FILE")]
+    pub embree: Option<PathBuf>,
 }
 
 /// Folders that the report looks into.
@@ -121,6 +124,7 @@ fn measure(
         work.path().to_owned(),
         &places.checkout,
     );
+    lab.embree.clone_from(&args.embree);
     lab.shadow_cases = cases::with_shadows(places, work.path(), args.quick).map_err(in_folder)?;
     lab.paper_cases = cases::of_the_paper(places, work.path(), args.quick).map_err(in_folder)?;
     let wanted = |s: &&Section| args.only.is_empty() || args.only.iter().any(|name| name == s.name);
@@ -192,6 +196,7 @@ mod tests {
             quick: true,
             out: folder.path().join("out"),
             only,
+            embree: None,
         };
         let settings = Settings {
             size_px: [64, 64],
@@ -242,6 +247,7 @@ mod tests {
             "step-link-time",
             "paper-times",
             "paper-counts",
+            "rays",
         ] {
             assert!(
                 folder.path().join(format!("out/{file}.csv")).is_file(),

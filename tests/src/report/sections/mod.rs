@@ -6,6 +6,7 @@ mod motion;
 mod moves;
 mod paper;
 mod pictures;
+mod rays;
 mod rivals;
 mod shadows;
 mod stages;
@@ -27,7 +28,7 @@ pub struct Section {
 }
 
 /// All sections in the order of the page.
-pub const ALL: [Section; 10] = [
+pub const ALL: [Section; 11] = [
     machine::SECTION,
     still::SECTION,
     pictures::SECTION,
@@ -37,11 +38,12 @@ pub const ALL: [Section; 10] = [
     stages::SECTION,
     counts::SECTION,
     paper::SECTION,
+    rays::SECTION,
     rivals::SECTION,
 ];
 
 /// The names that `--only` takes.
-pub fn names() -> [&'static str; 10] {
+pub fn names() -> [&'static str; 11] {
     ALL.map(|section| section.name)
 }
 
