@@ -23,7 +23,7 @@ use crate::stats::{Stage, StageMs};
 #[derive(Clone, Copy)]
 pub(super) struct Inputs<'a> {
     pub(super) level: Level,
-    /// Threads of interpolation; none means the caller's own.
+    /// Threads of interpolation and maps; none means the caller's own.
     pub(super) pool: Option<&'a ThreadPool>,
     pub(super) choices: &'a Choices,
     pub(super) view: Option<&'a View>,
@@ -124,7 +124,7 @@ impl Filters {
             near: neighbours(from),
             placed: from.placed,
         };
-        paint.find(maps, &inputs);
+        paint.find(from.pool, maps, &inputs);
         paint.apply(&mut self.image);
     }
 

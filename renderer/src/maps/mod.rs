@@ -5,6 +5,7 @@
 //! instead ([`Maps::flatten`]), which varies smoothly, interpolates that, and multiplies each pixel by what its own part of
 //! the map is to the mean ([`paint::Paint`]). A scene without maps pays nothing.
 
+mod factors;
 pub mod paint;
 mod projected;
 

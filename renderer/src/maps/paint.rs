@@ -5,14 +5,14 @@
 //! there over the pixel. On a plane this is exact wherever the sample lies; on a curved surface it is as good as the plane
 //! of a face nearby.
 
-use glam::DVec3;
+use rayon::ThreadPool;
 
-use super::projected::Projected;
-use super::{Maps, NO_FACE, PointTexel};
+use super::factors::{self, Worn};
+use super::{Maps, NO_FACE};
 use crate::camera::View;
 use crate::epi::grid::Grid;
 use crate::filters::interpolate::Neighbours;
-use crate::frame::{Placed, wide};
+use crate::frame::Placed;
 use crate::points::pixels::NO_POINT;
 use crate::points::{PixelSamples, PointCache};
 
@@ -52,15 +52,6 @@ pub struct Inputs<'a> {
     pub placed: &'a Placed,
 }
 
-/// The last face looked at: neighbours mostly see the same one.
-struct Seen {
-    key: (u32, u32),
-    projected: Projected,
-    /// Index of the map.
-    map: usize,
-    side: bool,
-}
-
 impl Paint {
     /// Room for an image of this layout.
     pub fn new(grid: Grid) -> Self {
@@ -75,8 +66,9 @@ impl Paint {
         }
     }
 
-    /// Finds the map that each pixel wears and what it multiplies the pixel's colour by.
-    pub fn find(&mut self, maps: &Maps, inputs: &Inputs<'_>) {
+    /// Finds the map that each pixel wears and what it multiplies the pixel's colour by, which is shared among the threads of
+    /// a pool where one is given.
+    pub fn find(&mut self, pool: Option<&ThreadPool>, maps: &Maps, inputs: &Inputs<'_>) {
         self.seed(inputs);
         for y in 0..self.grid.height {
             self.sweep_down(y, inputs.near);
@@ -84,7 +76,12 @@ impl Paint {
         for y in (0..self.grid.height).rev() {
             self.sweep_up(y, inputs.near);
         }
-        self.look_up(maps, inputs);
+        let worn = Worn {
+            grid: self.grid,
+            source: &self.source,
+            worn: &self.worn,
+        };
+        factors::fill(pool, maps, inputs, worn, &mut self.factor);
     }
 
     /// Multiplies the colours of the pixels that wear a map.
@@ -226,68 +223,5 @@ impl Paint {
             self.steps[at] = steps;
             self.source[at] = self.source[from];
         }
-    }
-
-    fn look_up(&mut self, maps: &Maps, inputs: &Inputs<'_>) {
-        let grid = self.grid;
-        let mut seen: Option<Seen> = None;
-        for y in 0..grid.height {
-            for word in 0..grid.words {
-                let mut left = self.worn[y * grid.words + word];
-                while left != 0 {
-                    let x = word * 64 + left.trailing_zeros() as usize;
-                    left &= left - 1;
-                    let at = grid.at(x, y);
-                    let slot = self.source[at];
-                    let texel = inputs.cache.texel(slot);
-                    let key = (inputs.cache.info[slot as usize].object, texel.face);
-                    if seen.as_ref().is_none_or(|s| s.key != key) {
-                        seen = see(maps, inputs, slot, key);
-                    }
-                    let place = [x as f32 + 0.5, y as f32 + 0.5];
-                    let factor = seen
-                        .as_ref()
-                        .map_or([1.0; 3], |seen| seen.factor(maps, texel, place));
-                    for (plane, value) in self.factor.iter_mut().zip(factor) {
-                        plane[at] = value;
-                    }
-                }
-            }
-        }
-    }
-}
-
-/// Projects the face of a point.
-fn see(maps: &Maps, inputs: &Inputs<'_>, slot: u32, key: (u32, u32)) -> Option<Seen> {
-    let face = maps.face(key.0, key.1)?;
-    let to_world = wide(inputs.placed.transform(key.0)?);
-    let corners: [DVec3; 3] = face
-        .corners
-        .map(|p| to_world.transform_point3(p.as_dvec3()));
-    let projected = Projected::new(inputs.view, corners, &face.uvs);
-    let (x, y, _) = inputs.view.project(inputs.cache.point(slot))?;
-    Some(Seen {
-        key,
-        projected,
-        map: face.map? as usize,
-        side: projected.side(x, y),
-    })
-}
-
-impl Seen {
-    /// What the map is to its mean at an image point, as far as the point's colour is the map's.
-    #[inline]
-    fn factor(&self, maps: &Maps, texel: &PointTexel, [x, y]: [f32; 2]) -> [f32; 3] {
-        // Beyond the horizon of the face's plane there is nothing of the map.
-        let Some((uv, footprint)) = self
-            .projected
-            .at(x, y)
-            .filter(|_| self.projected.side(x, y) == self.side)
-        else {
-            return [1.0; 3];
-        };
-        let colour = maps.maps[self.map].filtered(uv, &footprint);
-        let mean = maps.means[self.map];
-        std::array::from_fn(|k| 1.0 + texel.share[k] * (colour[k] / mean[k] - 1.0))
     }
 }

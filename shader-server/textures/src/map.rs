@@ -41,6 +41,8 @@ pub struct Map {
 struct Level {
     width: usize,
     height: usize,
+    /// The same two.
+    size: Vec2,
     texels: Vec<Vec3A>,
 }
 
@@ -52,19 +54,12 @@ impl Map {
         let whole = width * height > 0 && texture.rgb.len() >= width * height;
         let first = if whole {
             let decode = |code: &[u8; 3]| Vec3A::from(code.map(|c| DECODED[usize::from(c)]));
-            Level {
-                width,
-                height,
-                texels: texture.rgb[..width * height].iter().map(decode).collect(),
-            }
+            let texels = texture.rgb[..width * height].iter().map(decode).collect();
+            Level::new(width, height, texels)
         } else {
-            Level {
-                width: 1,
-                height: 1,
-                texels: vec![Vec3A::ZERO],
-            }
+            Level::new(1, 1, vec![Vec3A::ZERO])
         };
-        let size = Vec2::new(first.width as f32, first.height as f32);
+        let size = first.size;
         let mut levels = vec![first];
         while let Some(half) = levels.last().and_then(Level::halved) {
             levels.push(half);
@@ -84,7 +79,8 @@ impl Map {
     #[must_use]
     pub fn bilinear(&self, uv: Vec2) -> Vec3 {
         if uv.is_finite() {
-            self.levels[0].bilinear(uv).into()
+            let level = &self.levels[0];
+            level.sum(level.place(uv), Vec2::ZERO, 1).into()
         } else {
             Vec3::ZERO
         }
@@ -108,13 +104,10 @@ impl Map {
         let probes = whole(probes) + 1;
         let width = short.max(long / probes as f32);
         let level = &self.levels[copy_of(width).min(self.levels.len() - 1)];
-        let step = longer / probes as f32;
-        let first = uv - step * (0.5 * (probes - 1) as f32);
-        let mut sum = Vec3A::ZERO;
-        for k in 0..probes {
-            sum += level.bilinear(first + step * k as f32);
-        }
-        (sum / probes as f32).into()
+        let share = 1.0 / probes as f32;
+        let step = longer * share * Vec2::new(level.size.x, -level.size.y);
+        let first = level.place(uv) - step * (0.5 * (probes - 1) as f32);
+        (level.sum(first, step, probes) * share).into()
     }
 }
 
@@ -130,10 +123,19 @@ fn copy_of(width: f32) -> usize {
 #[inline]
 fn whole(v: f32) -> i32 {
     let towards_zero = v as i32;
-    towards_zero - i32::from(towards_zero as f32 > v)
+    towards_zero.wrapping_sub(i32::from(towards_zero as f32 > v))
 }
 
 impl Level {
+    fn new(width: usize, height: usize, texels: Vec<Vec3A>) -> Self {
+        Self {
+            width,
+            height,
+            size: Vec2::new(width as f32, height as f32),
+            texels,
+        }
+    }
+
     /// Every other texel's box: two by two, or three where a side is odd, so that no texel is lost and the mean stays.
     fn halved(&self) -> Option<Self> {
         if self.width == 1 && self.height == 1 {
@@ -152,24 +154,51 @@ impl Level {
                 texels.push(sum);
             }
         }
-        Some(Self {
-            width,
-            height,
-            texels,
-        })
+        Some(Self::new(width, height, texels))
+    }
+
+    /// Texture coordinates in texels, from the centre of the first, down.
+    #[inline]
+    fn place(&self, uv: Vec2) -> Vec2 {
+        Vec2::new(uv.x, 1.0 - uv.y) * self.size - 0.5
+    }
+
+    /// Sum of `count` bilinear look-ups in a row, places in texels.
+    #[inline]
+    fn sum(&self, first: Vec2, step: Vec2, count: i32) -> Vec3A {
+        // A division for each look-up costs more than the rest of it.
+        if self.width.is_power_of_two() && self.height.is_power_of_two() {
+            let wrap = |at: i32, size: usize| at as usize & (size - 1);
+            self.sum_with(first, step, count, wrap)
+        } else {
+            let wrap = |at: i32, size: usize| at.rem_euclid(size as i32) as usize;
+            self.sum_with(first, step, count, wrap)
+        }
     }
 
     #[inline(always)]
-    fn bilinear(&self, uv: Vec2) -> Vec3A {
-        let (x0, x1, right) = taps(uv.x, self.width);
-        let (y0, y1, down) = taps(1.0 - uv.y, self.height);
-        let upper = &self.texels[y0 * self.width..][..self.width];
-        let lower = &self.texels[y1 * self.width..][..self.width];
-        let (left, up) = (1.0 - right, 1.0 - down);
-        upper[x0] * (left * up)
-            + upper[x1] * (right * up)
-            + lower[x0] * (left * down)
-            + lower[x1] * (right * down)
+    fn sum_with(
+        &self,
+        first: Vec2,
+        step: Vec2,
+        count: i32,
+        wrap: impl Fn(i32, usize) -> usize,
+    ) -> Vec3A {
+        let mut sum = Vec3A::ZERO;
+        for k in 0..count {
+            let place = first + step * k as f32;
+            let (x, y) = (whole(place.x), whole(place.y));
+            // Coordinates too large for a whole number have no fraction either.
+            let right = (place.x - x as f32).clamp(0.0, 1.0);
+            let down = (place.y - y as f32).clamp(0.0, 1.0);
+            let (x0, x1) = (wrap(x, self.width), wrap(x.wrapping_add(1), self.width));
+            let (y0, y1) = (wrap(y, self.height), wrap(y.wrapping_add(1), self.height));
+            let texel = |x: usize, y: usize| self.texels[y * self.width + x];
+            let upper = texel(x0, y0) + (texel(x1, y0) - texel(x0, y0)) * right;
+            let lower = texel(x0, y1) + (texel(x1, y1) - texel(x0, y1)) * right;
+            sum += upper + (lower - upper) * down;
+        }
+        sum
     }
 }
 
@@ -183,21 +212,6 @@ fn shares(index: usize, count: usize, size: usize) -> impl Iterator<Item = (usiz
         let covered = high.min((texel + 1) as f32) - low.max(texel as f32);
         (texel, covered / part)
     })
-}
-
-/// The two texels around a coordinate in units of the texture's size, and the weight of the second.
-#[inline(always)]
-fn taps(coordinate: f32, size: usize) -> (usize, usize, f32) {
-    let place = coordinate * size as f32 - 0.5;
-    let below = whole(place);
-    let first = if size.is_power_of_two() {
-        below as usize & (size - 1)
-    } else {
-        below.rem_euclid(size as i32) as usize
-    };
-    let second = if first + 1 == size { 0 } else { first + 1 };
-    // Coordinates too large for a whole number have no fraction either.
-    (first, second, (place - below as f32).clamp(0.0, 1.0))
 }
 
 #[cfg(test)]
