@@ -19,9 +19,15 @@ pub struct Case {
     pub picture: Option<PathBuf>,
     /// A camera path of the scene.
     pub path: Option<String>,
+    /// Whether the scene has indirect light, which takes most of a run's time.
+    pub is_indirect: bool,
     /// What a reader must know to judge the figures.
     pub remark: String,
 }
+
+/// What a scene file says that asks for indirect light.
+const GLOBAL: &str = "model = \"global\"";
+const OWN_REFERENCE: &str = "Judged by the renderer's own reference method.";
 
 /// The scenes to measure. `--quick` takes the independent references alone where they are found.
 ///
@@ -54,6 +60,7 @@ pub fn with_shadows(places: &Places, work: &Path, quick: bool) -> io::Result<Vec
             scene,
             picture: None,
             path: Some("orbit".to_owned()),
+            is_indirect: text.contains(GLOBAL),
             remark: remark.to_owned(),
         });
         Ok(())
@@ -101,13 +108,15 @@ pub fn of_the_paper(places: &Places, work: &Path, quick: bool) -> io::Result<Vec
     let mut cases = Vec::new();
     for name in names {
         let scene = work.join(format!("{name}.toml"));
-        fs::write(&scene, scenes::builtin_text(name).unwrap_or_default())?;
+        let text = scenes::builtin_text(name).unwrap_or_default();
+        fs::write(&scene, text)?;
         cases.push(Case {
             name: (*name).to_owned(),
             scene,
             picture: None,
             path: Some("orbit".to_owned()),
-            remark: String::new(),
+            is_indirect: text.contains(GLOBAL),
+            remark: OWN_REFERENCE.to_owned(),
         });
     }
     cases.extend(scanned_dragon(places).filter(|_| !quick));
@@ -121,6 +130,7 @@ fn scanned_dragon(places: &Places) -> Option<Case> {
         scene: folder.join("dragon.toml"),
         picture: Some(folder.join("ref.exr")),
         path: Some("move".to_owned()),
+        is_indirect: false,
         remark: "The scanned dragon under a grid, one small light; judged by a Mitsuba 3 picture of the same scene.".to_owned(),
     })
 }
@@ -183,7 +193,8 @@ fn own(checkout: &Path, name: &str) -> Case {
         scene: checkout.join(format!("scenes/{name}.toml")),
         picture: None,
         path: Some("orbit".to_owned()),
-        remark: "Judged by the renderer's own reference method.".to_owned(),
+        is_indirect: scenes::builtin_text(name).is_some_and(|text| text.contains(GLOBAL)),
+        remark: OWN_REFERENCE.to_owned(),
     }
 }
 
@@ -196,6 +207,7 @@ fn references(folder: &Path, work: &Path) -> io::Result<Vec<Case>> {
             scene: chains.join("chains.toml"),
             picture: Some(chains.join("ref.exr")),
             path: Some("move".to_owned()),
+            is_indirect: false,
             remark: "Judged by a Mitsuba 3 picture of the same scene.".to_owned(),
         });
     }
@@ -206,6 +218,7 @@ fn references(folder: &Path, work: &Path) -> io::Result<Vec<Case>> {
             scene: with_direct_light(&rooms, "rooms.toml", work)?,
             picture: Some(rooms.join("ref_direct.exr")),
             path: Some("move".to_owned()),
+            is_indirect: false,
             remark: "Direct light only, judged by a Mitsuba 3 picture with direct light. The rivals' figures are for \
                      global illumination in the same scene."
                 .to_owned(),

@@ -6,6 +6,7 @@ use plotters::coord::ranged1d::{KeyPointHint, Ranged, ValueFormatter};
 use plotters::prelude::*;
 use thiserror::Error;
 
+use super::labels::{self, Corner};
 use super::table::Table;
 
 /// Colours that differ for colour-blind readers too (Okabe and Ito).
@@ -195,12 +196,25 @@ impl Chart {
             .light_line_style(WHITE)
             .bold_line_style(RGBColor(225, 225, 225))
             .draw()?;
+        let drawn = self.series.iter().filter(|s| s.mark != Mark::Floor);
+        let marks: Vec<(i32, i32)> = drawn
+            .flat_map(Series::drawable)
+            .map(|(x, y, _)| chart.backend_coord(&(*x, *y)))
+            .collect();
         for (series, colour) in self.series.iter().zip(PALETTE.iter().cycle()) {
-            draw_series(&mut chart, series, *colour, &ends)?;
+            draw_series(&mut chart, series, *colour, &ends, &marks)?;
         }
+        let (across, down) = chart.plotting_area().get_pixel_range();
+        let plot = (across.start, down.start, across.end, down.end);
+        let corner = match labels::legend(plot, self.series.len(), &marks) {
+            Corner::LowerLeft => SeriesLabelPosition::LowerLeft,
+            Corner::UpperRight => SeriesLabelPosition::UpperRight,
+            Corner::LowerRight => SeriesLabelPosition::LowerRight,
+            Corner::UpperLeft => SeriesLabelPosition::UpperLeft,
+        };
         chart
             .configure_series_labels()
-            .position(SeriesLabelPosition::LowerLeft)
+            .position(corner)
             .background_style(WHITE.mix(0.85))
             .border_style(RGBColor(200, 200, 200))
             .label_font(("sans-serif", 12))
@@ -218,6 +232,7 @@ fn draw_series(
     series: &Series,
     colour: RGBColor,
     x_range: &Range<f64>,
+    marks: &[(i32, i32)],
 ) -> Result<(), Failure> {
     let places: Vec<(f64, f64)> = series.drawable().iter().map(|p| (p.0, p.1)).collect();
     let line = colour.stroke_width(2);
@@ -229,12 +244,14 @@ fn draw_series(
         }
         Mark::Named => {
             let style = ("sans-serif", 11).into_font().color(&colour);
-            let text = |(i, (x, y, _)): (usize, &(f64, f64, String))| {
-                EmptyElement::at((*x, *y))
+            let on_page: Vec<_> = places.iter().map(|at| chart.backend_coord(at)).collect();
+            let offsets = labels::offsets(&on_page, marks);
+            let text = |(i, (at, offset)): (usize, ((f64, f64), (i32, i32)))| {
+                EmptyElement::at(at)
                     + TriangleMarker::new((0, 0), 5, colour.filled())
-                    + Text::new((i + 1).to_string(), (7, -5), style.clone())
+                    + Text::new((i + 1).to_string(), offset, style.clone())
             };
-            chart.draw_series(series.drawable().into_iter().enumerate().map(text))?
+            chart.draw_series(places.into_iter().zip(offsets).enumerate().map(text))?
         }
         Mark::Floor => {
             let ends = places

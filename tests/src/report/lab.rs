@@ -22,6 +22,10 @@ pub struct Settings {
     pub size_px: [u32; 2],
     /// Frames of a still camera.
     pub still_frames: u32,
+    /// Width and height of such pictures in scenes with indirect light, pixels: it takes most of a run's time.
+    pub indirect_size_px: [u32; 2],
+    /// Whether a still camera is judged in all scenes of the 2003 paper.
+    pub still_of_the_paper: bool,
     /// Frames of a still camera for the settled error; not measured without.
     pub settled_frames: Option<u32>,
     /// Samples a pixel of the renderer's own references.
@@ -69,6 +73,8 @@ impl Settings {
         Self {
             size_px: [256, 256],
             still_frames: 10,
+            indirect_size_px: [256, 256],
+            still_of_the_paper: false,
             settled_frames: None,
             reference_spp: 8,
             spp_steps: &[2],
@@ -95,6 +101,8 @@ impl Settings {
         Self {
             size_px: [512, 512],
             still_frames: 50,
+            indirect_size_px: [256, 256],
+            still_of_the_paper: true,
             settled_frames: Some(400),
             reference_spp: 16,
             spp_steps: &[2, 8],
@@ -239,6 +247,7 @@ impl<'a> Lab<'a> {
     pub fn still_job(&self, case: &Case, method: Method, frames: u32) -> Result<Job, PictureError> {
         let size_px = match &case.picture {
             Some(path) => Picture::size_px_of(path)?,
+            None if case.is_indirect => self.settings.indirect_size_px,
             None => self.settings.size_px,
         };
         Ok(Job {
