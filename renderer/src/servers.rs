@@ -215,7 +215,17 @@ fn sources(args: &ServerArgs) -> Result<Vec<ServerSource>, ServersError> {
     }
     if args.shader.is_none() && args.even_shadow_rays {
         let strata = EVEN_STRATA.to_string();
-        own.extend(["--shadow-rays", "1", "--light-strata", &strata].map(OsString::from));
+        own.extend(
+            [
+                "--shadows",
+                "rays",
+                "--shadow-rays",
+                "1",
+                "--light-strata",
+                &strata,
+            ]
+            .map(OsString::from),
+        );
     }
     if args.shader.is_none() && args.wait_for_records {
         own.push("--wait-for-records".into());

@@ -15,7 +15,11 @@ use glam::{Vec3, vec3};
 use protocol::messages::Camera;
 use rays::{Ray, World};
 use shader_server::{
-    Shader, Stage, camera::Pinhole, lights::Shape, random::Stream, shadows::ShadowRays,
+    Shader, Stage,
+    camera::Pinhole,
+    lights::{Emitter, Receiver, Shape},
+    random::Stream,
+    shadows::{ShadowRays, Shadows, Visibility},
 };
 
 fn main() {
@@ -49,6 +53,7 @@ fn main() {
     for threads in [1, 2] {
         samples_a_second(&stage, &camera, &shadows, threads);
     }
+    noise_of_shadows(&stage, &camera);
     error_by_setting(&stage, &camera);
     if let Some(reference) = args.get(2) {
         let reference = picture::load_picture(Path::new(reference));
@@ -192,6 +197,75 @@ fn samples_alone(stage: &Stage, camera: &Camera, shadows: &ShadowRays) {
     );
 }
 
+/// No shortcut.
+const TRUTH: ShadowRays = ShadowRays {
+    max_rays: 0,
+    strata: 32,
+    drawn_faces: 0,
+};
+
+/// Noise of a single question about a light, by what share of it is seen.
+fn noise_of_shadows(stage: &Stage, camera: &Camera) {
+    let pinhole = Pinhole::new(camera);
+    let stream = |i: usize, seed: u64| Stream::new(seed, i as u64);
+    let points: Vec<(Receiver, &Emitter)> = (0..picture::SIZE * picture::SIZE)
+        .step_by(37)
+        .filter_map(|pixel| {
+            let ray = pinhole.ray(&picture::request(pixel, 0, 1));
+            let hit = stage.world().closest(&ray, f32::INFINITY)?;
+            stage.light_of(hit.instance).is_none().then_some(())?;
+            let surface = stage.surface(&hit)?;
+            Some(surface.seen_along(ray.direction.as_dvec3(), hit.instance, hit.face))
+        })
+        .flat_map(|at| stage.emitters().iter().map(move |light| (at, light)))
+        .filter(|(at, light)| light.unoccluded(at) > 0.)
+        .collect();
+    let ask = |shadows: &ShadowRays, seed: u64| -> Vec<(f32, u64)> {
+        let fraction = |(i, (at, light)): (usize, &(Receiver, &Emitter))| {
+            let mut met = Shadows::default();
+            let mut stream = stream(i, seed);
+            let seen = shadows.fraction(stage, light, at, &mut stream, &mut met);
+            (seen, met.rays)
+        };
+        points.iter().enumerate().map(fraction).collect()
+    };
+    let runs: Vec<Vec<(f32, u64)>> = (0..4).map(|seed| ask(&TRUTH, 1000 + seed)).collect();
+    let truth = |i: usize| runs.iter().map(|run| run[i].0).sum::<f32>() / runs.len() as f32;
+    for drawn_faces in [0, ShadowRays::default().drawn_faces] {
+        let shadows = ShadowRays {
+            drawn_faces,
+            ..ShadowRays::default()
+        };
+        let start = thread_seconds();
+        let found = ask(&shadows, 7);
+        let each_us = (thread_seconds() - start) * 1e6 / points.len() as f64;
+        println!("at most {drawn_faces} faces drawn: {each_us:.2} µs a light");
+        for (class, low, high) in [
+            ("hidden", -1., 0.),
+            ("sliver", 0., 0.05),
+            ("penumbra", 0.05, 0.95),
+            ("almost lit", 0.95, 0.999_99),
+            ("lit", 0.999_99, 2.),
+        ] {
+            let own = (0..points.len()).filter(|i| truth(*i) > low && truth(*i) <= high);
+            let (mut n, mut sum, mut squares, mut rays, mut missed) = (0., 0., 0., 0., 0.);
+            for i in own {
+                n += 1.;
+                sum += truth(i);
+                squares += (found[i].0 - truth(i)).powi(2);
+                rays += found[i].1 as f32;
+                missed += f32::from(u8::from(found[i].0 == 0. && truth(i) > 0.));
+            }
+            println!(
+                "  {class:10} {n:7} questions: rms error {:.4} of a mean of {:.4}, {missed} taken for hidden, {:.1} rays",
+                (squares / n).sqrt(),
+                sum / n,
+                rays / n
+            );
+        }
+    }
+}
+
 /// Error of single samples against 32x32 strata without any shortcut, and its price, for several settings.
 fn error_by_setting(stage: &Stage, camera: &Camera) {
     let pinhole = Pinhole::new(camera);
@@ -218,32 +292,35 @@ fn error_by_setting(stage: &Stage, camera: &Camera) {
             (thread_seconds() - start) / n * 1e6,
         )
     };
-    let (truth, ..) = shade(
-        &ShadowRays {
-            max_rays: 0,
-            strata: 32,
-        },
-        1000,
-    );
+    let (truth, ..) = shade(&TRUTH, 1000);
     let mean = truth.iter().sum::<f64>() / truth.len() as f64;
-    println!("strata, most rays: rays a sample, µs, rms error and bias in % of the picture's mean");
-    for (strata, max_rays) in [
-        (2, 256),
-        (3, 64),
-        (3, 256),
-        (4, 64),
-        (4, 128),
-        (4, 256),
-        (4, 1024),
-        (5, 256),
-        (6, 256),
-        (8, 256),
-        (16, 0),
+    println!(
+        "strata, most rays, faces drawn: rays a sample, µs, rms error and bias in % of the picture's mean"
+    );
+    for (strata, max_rays, drawn_faces) in [
+        (3, 256, 0),
+        (4, 64, 0),
+        (4, 256, 0),
+        (5, 256, 0),
+        (5, 256, 16),
+        (5, 256, 32),
+        (5, 256, 64),
+        (5, 256, 128),
+        (5, 256, 256),
+        (8, 256, 0),
+        (16, 0, 0),
     ] {
         let (mut squares, mut bias, mut cost) = (0., 0., (0., 0.));
         let runs = 4;
         for seed in 0..runs {
-            let (values, rays, time) = shade(&ShadowRays { max_rays, strata }, seed);
+            let (values, rays, time) = shade(
+                &ShadowRays {
+                    max_rays,
+                    strata,
+                    drawn_faces,
+                },
+                seed,
+            );
             cost = (rays, time);
             for (value, truth) in values.iter().zip(&truth) {
                 squares += (value - truth).powi(2);
@@ -252,7 +329,7 @@ fn error_by_setting(stage: &Stage, camera: &Camera) {
         }
         let n = runs as f64 * truth.len() as f64;
         println!(
-            "{strata:3} {max_rays:5}: {:6.1} {:6.2} {:7.3} {:+.4}",
+            "{strata:3} {max_rays:5} {drawn_faces:5}: {:6.1} {:6.2} {:7.3} {:+.4}",
             cost.0,
             cost.1,
             100. * (squares / n).sqrt() / mean,

@@ -52,7 +52,7 @@ struct Args {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum ShadowMethod {
-    /// The cheapest method that fits: shadow rays
+    /// The cheapest method that fits: few faces in between are drawn onto an area light, else shadow rays
     Auto,
     /// Stratified, adaptive shadow rays
     Rays,
@@ -106,6 +106,10 @@ fn serve(args: &Args) -> anyhow::Result<()> {
         shadows: ShadowRays {
             max_rays: args.shadow_rays,
             strata: args.light_strata,
+            drawn_faces: match args.shadows {
+                ShadowMethod::Rays => 0,
+                _ => ShadowRays::default().drawn_faces,
+            },
         },
         patience: if args.wait_for_records {
             Patience::Final

@@ -12,7 +12,12 @@ use protocol::{
     scene::{Light, Mesh, Scene},
 };
 use rays::Ray;
-use shader_server::{Shader, Stage, lights::polygon, shadows::ShadowRays};
+use shader_server::{
+    Shader, Stage,
+    lights::{Receiver, polygon},
+    random::Stream,
+    shadows::{ShadowRays, Shadows, Visibility},
+};
 
 fn stage(scene: Scene) -> Stage {
     Stage::build(Arc::new(scene)).unwrap()
@@ -349,4 +354,86 @@ fn transforms_change_nothing_but_the_place() {
             "{a:?} {b:?}"
         );
     }
+}
+
+/// Drawing faces onto a light finds what many rays find, for lights of any shape, near the horizon too; what is drawn reports
+/// what blocks, and asks no rays.
+#[test]
+fn drawn_faces_shade_as_rays_do() {
+    let outlines = [
+        vec![[-1., 2., -1.], [1., 2., -1.], [1., 2., 1.], [-1., 2., 1.]],
+        vec![[-1., 2., -1.], [1., 2.2, -1.], [0., 2., 1.2]],
+        vec![[4., 0.1, -1.], [4., 1.3, -1.], [4., 1.3, 1.], [4., 0.1, 1.]],
+    ];
+    let bars = [-0.6f32, -0.1, 0.3].map(|x| {
+        quad([
+            [x, 0.9, -9.],
+            [x + 0.2, 0.9, -9.],
+            [x + 0.2, 0.9, 9.],
+            [x, 0.9, 9.],
+        ])
+    });
+    let upright = quad([
+        [1.5, -1., -0.3],
+        [1.5, -1., 0.4],
+        [1.5, 0.6, 0.4],
+        [1.5, 0.6, -0.3],
+    ]);
+    let mut objects = vec![object("floor", 0, AT_ORIGIN)];
+    objects.extend((1..=4).map(|mesh| object("blocker", mesh, AT_ORIGIN)));
+    let [a, b, c] = bars;
+    let meshes = vec![square(4.), a, b, c, upright];
+    let mut partly = 0;
+    for vertices in outlines {
+        let light = Light::Area {
+            vertices,
+            radiance: [1.; 3],
+        };
+        let stage = stage(scene(vec![light], meshes.clone(), objects.clone()));
+        let emitter = &stage.emitters()[0];
+        let rays = ShadowRays {
+            max_rays: 0,
+            strata: 32,
+            drawn_faces: 0,
+        };
+        for i in 0..60 {
+            let mut stream = Stream::new(8, i);
+            let at = (stream.square().as_dvec2() - 0.5) * 2.;
+            let receiver = Receiver {
+                position: dvec3(at.x, 0., at.y),
+                normal: DVec3::Y,
+                face_normal: Vec3::Y,
+                clearance: 1e-6,
+                instance: 0,
+                face: 0,
+            };
+            let ask = |method: &ShadowRays, seed: u64| {
+                let mut met = Shadows::default();
+                let stream = &mut Stream::new(seed, i);
+                let seen = method.fraction(&stage, emitter, &receiver, stream, &mut met);
+                met.blockers.sort_unstable();
+                (seen, met)
+            };
+            let mean =
+                |method: &ShadowRays| (0..4).map(|seed| ask(method, seed).0).sum::<f32>() / 4.;
+            let (drawn, traced) = (mean(&ShadowRays::default()), mean(&rays));
+            assert!(
+                (drawn - traced).abs() < 0.012,
+                "{receiver:?}: {drawn} {traced}"
+            );
+            let (seen, met) = ask(&ShadowRays::default(), 1);
+            assert_eq!(met.rays, 0);
+            if (0.02..0.98).contains(&seen) {
+                partly += 1;
+                // A ray knows of one blocker alone, where another may be in the way too.
+                let traced = ask(&rays, 1).1.blockers;
+                assert!(
+                    traced.iter().all(|b| met.blockers.contains(b)),
+                    "{receiver:?}: {traced:?} {:?}",
+                    met.blockers
+                );
+            }
+        }
+    }
+    assert!(partly > 20, "{partly}");
 }

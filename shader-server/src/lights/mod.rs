@@ -213,9 +213,43 @@ impl PolygonShape {
     /// The point at `place` in the unit square, if it is on the polygon. The map keeps areas in proportion.
     #[must_use]
     pub fn at(&self, place: Vec2) -> Option<DVec3> {
-        let place = place.as_dvec2();
-        let point = self.corner + self.sides[0] * place.x + self.sides[1] * place.y;
+        let point = self.on_plane(place.as_dvec2().to_array());
         (self.fills || self.contains(point)).then_some(point)
+    }
+
+    /// The point of the light's plane at `place` of the unit square, on the polygon or not.
+    #[must_use]
+    pub fn on_plane(&self, [x, y]: [f64; 2]) -> DVec3 {
+        self.corner + self.sides[0] * x + self.sides[1] * y
+    }
+
+    /// The two sides of the parallelogram that the unit square maps onto, from its first corner.
+    #[must_use]
+    pub fn sides(&self) -> [DVec3; 2] {
+        self.sides
+    }
+
+    /// From where to where in the unit square the polygon reaches in the row at `y`.
+    #[must_use]
+    pub fn across(&self, y: f64) -> Option<[f64; 2]> {
+        if self.fills {
+            return Some([0., 1.]);
+        }
+        // The sides of the rectangle around a polygon that does not fill it are at right angles.
+        let place = |p: &DVec3| {
+            self.sides
+                .map(|side| (*p - self.corner).dot(side) / side.length_squared())
+        };
+        let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+        for (i, from) in self.vertices.iter().enumerate() {
+            let [[x0, y0], [x1, y1]] =
+                [from, &self.vertices[(i + 1) % self.vertices.len()]].map(place);
+            if (y0 <= y) != (y1 <= y) {
+                let x = x0 + (x1 - x0) * (y - y0) / (y1 - y0);
+                (low, high) = (low.min(x), high.max(x));
+            }
+        }
+        (low <= high).then_some([low, high])
     }
 
     fn contains(&self, point: DVec3) -> bool {

@@ -10,7 +10,7 @@ use crate::{
 };
 
 use super::{
-    Shadows,
+    Shadows, cover,
     shadow_rays::{STOP_SHORT, ShadowRays, sees},
 };
 
@@ -68,8 +68,12 @@ impl Level {
         changes
     }
 
+    fn sees_anything(&self) -> bool {
+        self.seen.iter().any(|row| *row != 0)
+    }
+
     fn disagrees_with(&self, corners: &[Option<bool>]) -> bool {
-        let any_seen = self.seen.iter().any(|row| *row != 0);
+        let any_seen = self.sees_anything();
         let any_blocked = (0..self.size).any(|row| self.known[row] & !self.seen[row] != 0);
         corners.contains(&Some(true)) && any_blocked || corners.contains(&Some(false)) && any_seen
     }
@@ -210,14 +214,45 @@ struct Answer {
     seen: bool,
 }
 
-/// Whether there is certainly nothing between a receiver and a light.
-fn shaft_is_empty(stage: &Stage, receiver: &Receiver, shape: &PolygonShape) -> bool {
+/// What there may be between a receiver and a light.
+enum Between {
+    Nothing,
+    /// The faces in `Shadows::between`.
+    FewFaces,
+    Anything,
+}
+
+/// Looks for faces between a receiver and a light: finds none where there certainly are none, and those that there are if
+/// they are at most `most`.
+fn between(
+    stage: &Stage,
+    receiver: &Receiver,
+    shape: &PolygonShape,
+    most: usize,
+    faces: &mut Vec<(u32, u32)>,
+) -> Between {
+    faces.clear();
+    let Some(region) = shaft(receiver, shape) else {
+        return Between::Anything;
+    };
     let own = (receiver.instance, receiver.face);
-    shaft(receiver, shape).is_some_and(|region| {
-        !stage.world().may_touch(&region, |instance, face| {
-            instance != shape.instance && (instance, face) != own
-        })
-    })
+    let too_many = stage.world().may_touch(&region, |instance, face| {
+        if instance == shape.instance || (instance, face) == own {
+            return false;
+        }
+        faces.push((instance, face));
+        faces.len() > most
+    });
+    if faces.is_empty() {
+        return Between::Nothing;
+    }
+    // The tree's order depends on how it came to be.
+    faces.sort_unstable();
+    if too_many {
+        Between::Anything
+    } else {
+        Between::FewFaces
+    }
 }
 
 /// The pyramid from the receiver over the light, without what shadow rays do not notice: the surface that they start from and
@@ -259,7 +294,7 @@ fn shaft(receiver: &Receiver, shape: &PolygonShape) -> Option<Region> {
 
 /// Share of the polygon's unoccluded irradiance that reaches `receiver`.
 ///
-/// If nothing is between the two that is the answer. Else the first strata and the corners are asked. If all agree that is the answer; else strata that differ from a neighbour
+/// If nothing is between the two that is the answer, and few faces are drawn onto the light. Else the first strata and the corners are asked. If all agree that is the answer; else strata that differ from a neighbour
 /// are divided in four and asked afresh, as long as the rays allowed last. Fresh rays keep each divided stratum
 /// unbiased; the error is that of strata of the finest size along the shadow's outline, at the cost of that outline alone.
 pub(super) fn fraction(
@@ -270,8 +305,11 @@ pub(super) fn fraction(
     stream: &mut Stream,
     shadows: &mut Shadows,
 ) -> f32 {
-    if shaft_is_empty(stage, receiver, shape) {
-        return 1.;
+    let most = method.drawn_faces as usize;
+    match between(stage, receiver, shape, most, &mut shadows.between) {
+        Between::Nothing => return 1.,
+        Between::FewFaces => return cover::fraction(stage, receiver, shape, stream, shadows),
+        Between::Anything => {}
     }
     let before = shadows.rays;
     let mut probe = Probe {
@@ -302,6 +340,10 @@ pub(super) fn fraction(
     } else {
         Beyond::default()
     };
+    if adaptive && !level.sees_anything() && !corners.contains(&Some(true)) {
+        // A sliver of the light may be seen between the rays: before it counts as hidden it is asked once more.
+        probe.ask(&mut level, stream, &mut answers);
+    }
     let mut divide = level.changes(&beyond);
     if !shape.fills_square() && level.disagrees_with(&corners) {
         // Nothing tells which strata are near those corners.

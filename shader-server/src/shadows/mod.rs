@@ -4,6 +4,7 @@
 //! everything.
 
 mod area;
+mod cover;
 mod shadow_rays;
 
 pub use self::shadow_rays::ShadowRays;
@@ -24,6 +25,8 @@ pub struct Shadows {
     pub blockers: Vec<u32>,
     /// Rays traced since this was made.
     pub rays: u64,
+    /// Faces that may be between a receiver and a light, as (instance, face).
+    pub(crate) between: Vec<(u32, u32)>,
     /// What blocked last; blockers of one light and point are often the same.
     pub(crate) recent: Recent,
 }

@@ -25,6 +25,8 @@ pub struct ShadowRays {
     pub max_rays: u32,
     /// Strata a side that an area light is divided into at first, at most 32; each gets a ray, and so do the corners.
     pub strata: u32,
+    /// Most faces between a receiver and an area light that are drawn onto the light instead of being met by rays.
+    pub drawn_faces: u32,
 }
 
 impl Default for ShadowRays {
@@ -32,6 +34,7 @@ impl Default for ShadowRays {
         Self {
             max_rays: 256,
             strata: 5,
+            drawn_faces: 192,
         }
     }
 }
