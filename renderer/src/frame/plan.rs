@@ -109,12 +109,13 @@ impl Display {
 
     fn place_of(&self, x: usize, y: usize) -> [f32; 2] {
         let code = self.epi.code_at(x, y);
-        let count = self.still.whole(x, y).count as u32;
+        // While the camera moves there is nothing to look up for thousands of pixels all over the image.
+        let still = Some(&self.still).filter(|still| !still.touched().is_empty());
+        let count = still.map_or(0, |still| still.whole(x, y).count as u32);
         let region_centre = code.is_simple().then(|| {
             let tables = self.epi.tables();
-            let counts = self
-                .still
-                .split(x, y, code.0)
+            let counts = still
+                .and_then(|still| still.split(x, y, code.0))
                 .map_or([0.0; 2], |s| s.regions.map(|r| r.count));
             let area = tables.inner_area(code);
             // The region with fewer samples for its area.

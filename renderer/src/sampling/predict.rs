@@ -52,8 +52,8 @@ impl Prediction {
             outside: outside as u32,
         };
         let mut batch = [0; BATCH];
-        for first in (0..cache.capacity()).step_by(BATCH) {
-            let slots = first..(first + BATCH).min(cache.capacity());
+        for first in (0..cache.reach()).step_by(BATCH) {
+            let slots = first..(first + BATCH).min(cache.reach());
             let batch = &mut batch[..slots.len()];
             dispatch!(level, simd => cells_of(simd, cache, slots, &cells, batch));
             for &cell in &*batch {
