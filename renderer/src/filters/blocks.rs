@@ -7,11 +7,13 @@
 use fearless_simd::{f32x4, mask32x4, prelude::*};
 use fearless_simd_macros::simd;
 
-use super::fit::{self, BLOCK, Fitted, PIXELS, Places, SOFTENING};
+use super::fit::{self, BLOCK, Fitted, MIDDLES, PIXELS, Places, Wanted, Weights};
 use super::grow::grow;
 use super::interpolate::{Inputs, Method, Rows};
+use super::lattice::Lattice;
+use super::moments::{SOFTENING, SOFTENING_SHARE};
 use super::records::{MOST, Records, Starts};
-use super::window::{BLOCKS, MARGIN, SIDE, Strip, flood};
+use super::window::{BLOCKS, MARGIN, SIDE, Strip, flood, row_counts};
 use crate::epi::grid::Grid;
 
 /// The block's own pixels in its window.
@@ -20,15 +22,14 @@ const OWN: u64 = 0x0000_3c3c_3c3c_0000;
 /// The block and one pixel around it: all of the window but its border.
 const CLOSE: u64 = 0x007e_7e7e_7e7e_7e00;
 
+/// The columns of a window that the next block's window does not show.
+const PASSED: u64 = 0x0f0f_0f0f_0f0f_0f0f;
+
 /// Samples so close at which the rest of the window is not read.
 const ENOUGH: u32 = 8;
 
 /// Samples in the window below which a part grows.
 const FEWEST: u32 = 5;
-
-/// Softening of weights, in units of the area for each sample: weights reach as far as the samples' spacing asks. Anything
-/// from 0.3 to 0.5 is within 2 % of the best error, with few samples and many.
-const SOFTENING_SHARE: f32 = 0.45;
 
 /// What one thread works with, kept from frame to frame.
 #[derive(Clone, Debug)]
@@ -38,8 +39,44 @@ pub(super) struct Worker {
     chosen: [u32; MOST],
     len: usize,
     found: Vec<(u16, u16)>,
+    centres: Centres,
+    lattice: Lattice,
+    /// Those of the block with edges that is in work.
     places: Places,
+    weights: Box<Weights>,
     fitted: Fitted,
+}
+
+/// Where in their pixels the colours of a word's blocks are wanted, x and y, row by row. Copied, since blocks would miss
+/// the nearest memory again and again.
+#[derive(Clone, Debug)]
+struct Centres([[[f32; 64]; BLOCK]; 2]);
+
+impl Centres {
+    /// Copies those of the blocks whose first row is `y`.
+    #[inline(always)]
+    fn load(&mut self, inputs: &Inputs<'_>, word: usize, y: usize) {
+        let grid = inputs.samples.grid;
+        let height = BLOCK.min(grid.height - y);
+        let planes = [inputs.centre_x, inputs.centre_y];
+        for (rows, plane) in self.0.iter_mut().zip(planes) {
+            for (k, row) in rows[..height].iter_mut().enumerate() {
+                let first = grid.at(word * 64, y + k);
+                row.copy_from_slice(&plane[first..first + 64]);
+            }
+        }
+    }
+
+    /// Those of the block whose first column is `x`.
+    #[inline(always)]
+    fn find<S: Simd>(&self, simd: S, x: usize, places: &mut Places) {
+        let column = x % 64;
+        for (rows, places) in self.0.iter().zip(places) {
+            for (row, to) in rows.iter().zip(places.chunks_exact_mut(BLOCK)) {
+                f32x4::from_slice(simd, &row[column..column + BLOCK]).store_slice(to);
+            }
+        }
+    }
 }
 
 /// Some of a block's pixels and what serves them, as bits of its window.
@@ -67,10 +104,10 @@ impl Worker {
             chosen: [0; MOST],
             len: 0,
             found: Vec::with_capacity(MOST),
-            places: Places {
-                corner: [0.0; 2],
-                offset: [[0.5; PIXELS]; 2],
-            },
+            lattice: Lattice::default(),
+            centres: Centres([[[0.5; 64]; BLOCK]; 2]),
+            places: MIDDLES,
+            weights: Box::new([[0.0; PIXELS]; MOST]),
             fitted: Fitted {
                 rgb: [[0.0; PIXELS]; 3],
                 weight: [0.0; PIXELS],
@@ -93,22 +130,24 @@ impl Worker {
         }
     }
 
-    /// The same for columns side by side in all rows, those of `seen`.
+    /// Chooses all samples of the window, or those that lie [`CLOSE`].
     #[inline(always)]
-    fn choose_columns(&mut self, starts: &Starts, samples: u64, seen: u64) {
+    fn choose_all(&mut self, starts: &Starts, samples: u64, close: bool) {
         self.len = 0;
-        for (row, start) in starts.iter().enumerate() {
-            let (samples, seen) = (samples >> (SIDE * row) & 0xff, seen >> (SIDE * row) & 0xff);
-            // Those in columns before the first one seen.
-            let skipped = samples & (seen & seen.wrapping_neg()).wrapping_sub(1);
-            let first = start.wrapping_add(skipped.count_ones());
-            for (k, to) in self.chosen[self.len..self.len + SIDE]
-                .iter_mut()
-                .enumerate()
-            {
-                *to = first.wrapping_add(k as u32);
+        let (seen, rows) = if close {
+            (CLOSE, 1..SIDE - 1)
+        } else {
+            (!0, 0..SIDE)
+        };
+        let counts = row_counts(samples & seen);
+        for row in rows {
+            // The sample in the first column is not close.
+            let skipped = samples >> (SIDE * row) & u64::from(close);
+            let first = starts[row].wrapping_add(skipped as u32);
+            for (k, to) in (0..).zip(&mut self.chosen[self.len..self.len + SIDE]) {
+                *to = first.wrapping_add(k);
             }
-            self.len += (samples & seen).count_ones() as usize;
+            self.len += usize::from(counts[row]);
         }
     }
 
@@ -165,35 +204,44 @@ fn reconstruct_word<S: Simd>(
     let strip = |plane: &[u64]| Strip::new(grid, word, y, |i| plane[i]);
     let has = strip(near.has);
     let edged = Strip::new(grid, word, y, |i| near.simple[i] | near.complex[i]).any();
-    let [complex, right, down] = if edged == 0 {
-        [Strip::EMPTY; 3]
-    } else {
-        [near.complex, near.right, near.down].map(strip)
-    };
     let mut starts = worker.records.starts(word, y, &has);
+    let samples = has.windows();
+    let [mut complex, mut right, mut down] = [[0; BLOCKS]; 3];
+    if edged != 0 {
+        worker.centres.load(inputs, word, y);
+        complex = strip(near.complex).windows();
+        right = strip(near.right).windows();
+        down = strip(near.down).windows();
+    }
     let blocks = (grid.width - word * 64).div_ceil(BLOCK).min(BLOCKS);
+    let done = worker
+        .lattice
+        .reconstruct(simd, inputs, (word, y), edged != 0, rows);
     for block in 0..blocks {
-        let samples = has.window(block);
         let mut part = Part {
             corner: (word * 64 + block * BLOCK, y),
             pixels: OWN,
             reached: !0,
-            samples,
+            samples: samples[block],
             grows: true,
             edged: edged >> block & 1 == 1,
         };
-        if part.edged {
+        if done >> block & 1 == 1 {
+            // All samples are beside the pixels.
+        } else if part.edged {
+            let x = part.corner.0;
+            worker.centres.find(simd, x, &mut worker.places);
             let mut left = OWN & inside(grid, part.corner);
             // Complex pixels may use every sample around them (paper section 5.4).
-            let complex = left & complex.window(block);
+            let complex = left & complex[block];
             if complex != 0 {
                 (part.pixels, part.grows) = (complex, false);
                 serve(simd, inputs, worker, &starts, &part, rows);
                 left &= !complex;
             }
-            let (right, down) = (right.window(block), down.window(block));
             while left != 0 {
-                part.reached = flood(left & left.wrapping_neg(), right, down);
+                let seed = left & left.wrapping_neg();
+                part.reached = flood(seed, right[block], down[block]);
                 part.pixels = left & part.reached;
                 part.grows = part.reached & !CLOSE != 0;
                 serve(simd, inputs, worker, &starts, &part, rows);
@@ -202,9 +250,9 @@ fn reconstruct_word<S: Simd>(
         } else {
             serve(simd, inputs, worker, &starts, &part, rows);
         }
-        for (row, start) in starts.iter_mut().enumerate() {
-            let passed = has.row(row, block) & ((1 << BLOCK) - 1);
-            *start = start.wrapping_add(passed.count_ones());
+        let passed = row_counts(samples[block] & PASSED);
+        for (start, passed) in starts.iter_mut().zip(passed) {
+            *start = start.wrapping_add(u32::from(passed));
         }
     }
 }
@@ -228,16 +276,13 @@ fn serve<S: Simd>(
     rows: &mut Rows<'_>,
 ) {
     let reached = part.samples & part.reached;
-    let seen = if (reached & CLOSE).count_ones() >= ENOUGH {
-        CLOSE
-    } else {
-        !0
-    };
+    let close = (reached & CLOSE).count_ones() >= ENOUGH;
+    let seen = if close { CLOSE } else { !0 };
     let mut area = (part.reached & seen).count_ones();
     if part.grows && reached.count_ones() < FEWEST {
         area = worker.look_further(inputs, part);
     } else if part.reached == !0 {
-        worker.choose_columns(starts, part.samples, seen);
+        worker.choose_all(starts, part.samples, close);
     } else {
         worker.choose(starts, part.samples, reached & seen);
     }
@@ -245,39 +290,20 @@ fn serve<S: Simd>(
         leave_bare(inputs.samples.grid, part, rows);
         return;
     }
-    place(inputs, part, &mut worker.places);
+    let (x, y) = part.corner;
+    let places = if part.edged { &worker.places } else { &MIDDLES };
+    let corner = [x as f32, y as f32];
+    let wanted = Wanted { corner, places };
     let from = (worker.records.list(), &worker.chosen[..worker.len]);
-    let (places, fitted) = (&worker.places, &mut worker.fitted);
+    let fitted = &mut worker.fitted;
     if inputs.method == Method::FixedWeights && worker.len >= ENOUGH as usize {
-        fit::mean(simd, from, places, fitted);
+        fit::mean(simd, from, &wanted, fitted);
     } else {
         let share = area as f32 / worker.len as f32;
         let softening = (SOFTENING_SHARE * share).max(SOFTENING);
-        fit::fit(simd, from, places, softening, fitted);
+        fit::fit(simd, from, &wanted, softening, &mut worker.weights, fitted);
     }
     write(simd, inputs.samples.grid, part, fitted, rows);
-}
-
-/// Where a block's colours are wanted.
-#[inline(always)]
-fn place(inputs: &Inputs<'_>, part: &Part, places: &mut Places) {
-    let (x, y) = part.corner;
-    places.corner = [x as f32, y as f32];
-    if !part.edged {
-        places.offset = [[0.5; PIXELS]; 2];
-        return;
-    }
-    let grid = inputs.samples.grid;
-    for row in 0..BLOCK.min(grid.height - y) {
-        let (at, to) = (grid.at(x, y) + row * grid.stride, row * BLOCK);
-        for (offset, centre) in places
-            .offset
-            .iter_mut()
-            .zip([inputs.centre_x, inputs.centre_y])
-        {
-            offset[to..to + BLOCK].copy_from_slice(&centre[at..at + BLOCK]);
-        }
-    }
 }
 
 /// Puts a part's colours into the image.
@@ -289,6 +315,16 @@ fn write<S: Simd>(simd: S, grid: Grid, part: &Part, fitted: &Fitted, rows: &mut 
     let mut planes = [&mut **red, &mut **green, &mut **blue, &mut *rows.weight];
     let [red, green, blue] = &fitted.rgb;
     let values = [red, green, blue, &fitted.weight];
+    if part.pixels == OWN && y + BLOCK <= grid.height {
+        for row in 0..BLOCK {
+            let (to, from) = (first + row * grid.stride, row * BLOCK);
+            for (plane, values) in planes.iter_mut().zip(values) {
+                let row = f32x4::from_slice(simd, &values[from..from + BLOCK]);
+                row.store_slice(&mut plane[to..to + BLOCK]);
+            }
+        }
+        return;
+    }
     for row in 0..BLOCK.min(grid.height - y) {
         let (to, from) = (first + row * grid.stride, row * BLOCK);
         let pixels = part.pixels >> (SIDE * (row + MARGIN) + MARGIN) & ((1 << BLOCK) - 1);

@@ -1,28 +1,17 @@
 //! A block of 4x4 pixels reconstructed from a few samples at once, each pixel with weights of its own.
 
+use std::ops::Range;
+
 use fearless_simd::{f32x4, prelude::*};
+
+use super::moments::{MOST_COUNTED, Moments, ONE, SOFTENING, Shares, Weighing, sharp_weight};
+use super::records::MOST;
 
 /// Columns and rows of a block, pixels.
 pub(super) const BLOCK: usize = 4;
 
 /// Pixels of a block, row by row.
 pub(super) const PIXELS: usize = BLOCK * BLOCK;
-
-/// Share of 1 pixel² and the mean squared distance that is added to the fit's variances: keeps few, collinear or far
-/// samples from tilting it.
-pub(super) const SLOPE_RIDGE: f32 = 0.001;
-
-/// Added to squared distances where weights need not fit the samples' spacing, pixels².
-pub(super) const SOFTENING: f32 = 0.25;
-
-/// Raw samples more than which count no more.
-const MOST_COUNTED: f32 = 4096.0;
-
-/// A fit whose scale is below this is replaced by the weighted mean.
-const LEAST_SCALE: f32 = 1e-30;
-
-/// Bits of 1.0.
-const ONE: u32 = 127 << 23;
 
 /// First columns and rows of a block's pixels.
 const COLUMNS: [f32; PIXELS] = pixel_steps(false);
@@ -59,29 +48,46 @@ impl Record {
             rgb: [red, green, blue, 0.0],
         }
     }
+
+    /// Its place from those of some pixels.
+    #[inline(always)]
+    fn from<S: Simd>(&self, simd: S, [x, y]: [S::f32s; 2]) -> [S::f32s; 2] {
+        [
+            S::f32s::splat(simd, self.place[0]) - x,
+            S::f32s::splat(simd, self.place[1]) - y,
+        ]
+    }
 }
+
+/// Where in their pixels a block's colours are wanted, x and y.
+pub(super) type Places = [[f32; PIXELS]; 2];
+
+/// In the middle of every pixel.
+pub(super) const MIDDLES: Places = [[0.5; PIXELS]; 2];
 
 /// Where a block's colours are wanted.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Places {
+pub(super) struct Wanted<'a> {
     /// The block's first pixel.
     pub(super) corner: [f32; 2],
-    /// Place in its pixel, x and y.
-    pub(super) offset: [[f32; PIXELS]; 2],
+    pub(super) places: &'a Places,
 }
 
-impl Places {
+impl Wanted<'_> {
     /// In the image, pixels.
     #[inline(always)]
-    fn of<S: Simd>(&self, simd: S, here: std::ops::Range<usize>) -> [S::f32s; 2] {
-        let at = |axis: usize, steps: &[f32; PIXELS]| {
-            let pixel = S::f32s::from_slice(simd, &steps[here.clone()])
-                + S::f32s::splat(simd, self.corner[axis]);
-            pixel + S::f32s::from_slice(simd, &self.offset[axis][here.clone()])
-        };
-        [at(0, &COLUMNS), at(1, &ROWS)]
+    fn of<S: Simd>(&self, simd: S, here: Range<usize>) -> [S::f32s; 2] {
+        let load = |from: &[f32; PIXELS]| S::f32s::from_slice(simd, &from[here.clone()]);
+        let corner = |axis: usize| S::f32s::splat(simd, self.corner[axis]);
+        [
+            load(&COLUMNS) + corner(0) + load(&self.places[0]),
+            load(&ROWS) + corner(1) + load(&self.places[1]),
+        ]
     }
 }
+
+/// Weights of a block's pixels for each of the samples that serve them.
+pub(super) type Weights = [[f32; PIXELS]; MOST];
 
 /// A block's colours, and how well they are founded: the sum of [`super::interpolate::weight`].
 #[derive(Clone, Copy, Debug)]
@@ -90,104 +96,121 @@ pub(super) struct Fitted {
     pub(super) weight: [f32; PIXELS],
 }
 
-/// About (1/4 + d²)⁻³ times a sample's count, of `q` = 1/4 + d². A float's bits are about its logarithm: within a fifth,
-/// falling everywhere, and the same at every level.
-#[inline(always)]
-fn sharp_weight<S: Simd>(simd: S, q: S::f32s, count: S::u32s) -> S::f32s {
-    let bits: S::u32s = q.bitcast();
-    (count + S::u32s::splat(simd, ONE.wrapping_mul(4)) - (bits + bits + bits)).bitcast()
-}
-
-/// What makes a softened distance's bits, times five, the bits of a weight (s / q)⁵.
-#[inline(always)]
-fn broad_scale(softening: f32) -> u32 {
-    softening.to_bits().wrapping_mul(5).wrapping_add(ONE)
-}
-
-/// How well a fit is founded: the nearest sample's sharp weight, times the sum of weights in units of the nearest's.
-#[inline(always)]
-fn founded<S: Simd>(simd: S, nearest: S::f32s, softening: f32, sum: S::f32s) -> S::f32s {
-    let none = S::u32s::splat(simd, 0);
-    let sharp = sharp_weight(simd, nearest + S::f32s::splat(simd, SOFTENING), none);
-    let bits: S::u32s = (nearest + S::f32s::splat(simd, softening)).bitcast();
-    // One over the nearest's weight: the exponent negated.
-    let scale = S::u32s::splat(
-        simd,
-        ONE.wrapping_mul(2).wrapping_sub(broad_scale(softening)),
-    );
-    let inverse: S::f32s = (scale + (bits + (bits << 2))).bitcast();
-    sharp * (sum * inverse)
-}
-
 /// Weighted linear fit at each pixel's place to some of the records, at least one: kept to their range. Weights are about
 /// (s / (s + d²))⁵ times a sample's count, s being `softening`.
+///
+/// A first pass over the samples finds the weights and the moments of the places; they give each sample's share in the
+/// value, by which a second pass sums up the colours. Samples that all have one colour need no second pass.
 #[inline(always)]
 pub(super) fn fit<S: Simd>(
     simd: S,
     (records, chosen): (&[Record], &[u32]),
-    wanted: &Places,
+    wanted: &Wanted<'_>,
     softening: f32,
+    weights: &mut Weights,
     out: &mut Fitted,
 ) {
     let lanes = S::f32s::LEN;
-    let splat = |v: f32| S::f32s::splat(simd, v);
-    let zero = splat(0.0);
-    let soft = splat(softening);
-    let scale = S::u32s::splat(simd, broad_scale(softening));
+    let [low, high] = range(simd, (records, chosen));
+    let weighing = Weighing::new(simd, S::f32s::splat(simd, softening));
     for group in (0..PIXELS).step_by(lanes) {
         let here = group..group + lanes;
-        let [px, py] = wanted.of(simd, here.clone());
-        let mut nearest = splat(f32::INFINITY);
-        let [mut w0, mut wx, mut wy] = [zero; 3];
-        let [mut wxx, mut wxy, mut wyy] = [zero; 3];
-        let [mut c0, mut cx, mut cy] = [[zero; 3]; 3];
-        let mut low = f32x4::splat(simd, f32::INFINITY);
-        let mut high = f32x4::splat(simd, f32::NEG_INFINITY);
-        for &i in chosen {
-            let s = &records[i as usize];
-            let count = S::u32s::splat(simd, s.count);
-            let (x, y) = (splat(s.place[0]) - px, splat(s.place[1]) - py);
-            let d2 = x * x + y * y;
-            nearest = nearest.min(d2);
-            let bits: S::u32s = (d2 + soft).bitcast();
-            let w: S::f32s = (count + scale - (bits + (bits << 2))).bitcast();
-            let (ux, uy) = (w * x, w * y);
-            w0 += w;
-            wx += ux;
-            wy += uy;
-            wxx += ux * x;
-            wxy += ux * y;
-            wyy += uy * y;
-            for k in 0..3 {
-                let c = splat(s.rgb[k]);
-                c0[k] += w * c;
-                cx[k] += ux * c;
-                cy[k] += uy * c;
+        let at = wanted.of(simd, here.clone());
+        if low == high {
+            let (nearest, sum) = weigh(simd, (records, chosen), at, &weighing);
+            let weight = weighing.founded(simd, nearest, sum);
+            weight.store_slice(&mut out.weight[here.clone()]);
+            for (to, value) in out.rgb.iter_mut().zip(low) {
+                S::f32s::splat(simd, value).store_slice(&mut to[here.clone()]);
             }
-            let rgb = f32x4::from_slice(simd, &s.rgb);
-            (low, high) = (low.min(rgb), high.max(rgb));
+            continue;
         }
-        // Slopes by the covariances around the weighted middle, then the value at the pixel's place; all times powers of
-        // the weight sum and the determinant, which one division takes out again.
-        let ridge = splat(SLOPE_RIDGE) * w0 * (w0 + (wxx + wyy));
-        let (xx, yy) = (w0 * wxx - wx * wx + ridge, w0 * wyy - wy * wy + ridge);
-        let xy = w0 * wxy - wx * wy;
-        let (gx, gy) = (xy * wy - yy * wx, xy * wx - xx * wy);
-        let level = (xx * yy - xy * xy) - (gx * wx + gy * wy);
-        let (gx, gy) = (gx * w0, gy * w0);
-        let total = level * w0 + (gx * wx + gy * wy);
-        let sure = total.simd_gt(splat(LEAST_SCALE));
-        let inverse = splat(1.0) / sure.select(total, w0);
-        founded(simd, nearest, softening, w0).store_slice(&mut out.weight[here.clone()]);
-        for (k, to) in out.rgb.iter_mut().enumerate() {
-            let value = level * c0[k] + (gx * cx[k] + gy * cy[k]);
-            let value = sure.select(value, c0[k]) * inverse;
-            let value = value
-                .max(splat(low.as_slice()[k]))
-                .min(splat(high.as_slice()[k]));
+        let (nearest, moments) = moments(simd, (records, chosen), at, &weighing, weights);
+        let weight = weighing.founded(simd, nearest, moments.weight());
+        weight.store_slice(&mut out.weight[here.clone()]);
+        let shares = moments.shares(simd);
+        let sums = sum_up(simd, (records, chosen), at, weights, &shares);
+        for (k, (to, sum)) in out.rgb.iter_mut().zip(sums).enumerate() {
+            let value = sum * shares.inverse;
+            let value = value.max(S::f32s::splat(simd, low[k]));
+            let value = value.min(S::f32s::splat(simd, high[k]));
             value.store_slice(&mut to[here.clone()]);
         }
     }
+}
+
+/// Least and greatest colour of some of the records.
+#[inline(always)]
+fn range<S: Simd>(simd: S, (records, chosen): (&[Record], &[u32])) -> [[f32; 4]; 2] {
+    let mut low = f32x4::splat(simd, f32::INFINITY);
+    let mut high = f32x4::splat(simd, f32::NEG_INFINITY);
+    for &i in chosen {
+        let rgb = f32x4::from_slice(simd, &records[i as usize].rgb);
+        (low, high) = (low.min(rgb), high.max(rgb));
+    }
+    [*low, *high]
+}
+
+/// The softened squared distance of the nearest of some of the records, and the sum of weights.
+#[inline(always)]
+fn weigh<S: Simd>(
+    simd: S,
+    (records, chosen): (&[Record], &[u32]),
+    at: [S::f32s; 2],
+    weighing: &Weighing<S>,
+) -> (S::f32s, S::f32s) {
+    let mut nearest = S::f32s::splat(simd, f32::INFINITY);
+    let mut sum = S::f32s::splat(simd, 0.0);
+    for &i in chosen {
+        let s = &records[i as usize];
+        let [q, w] = weighing.weight(s.from(simd, at), S::u32s::splat(simd, s.count));
+        (nearest, sum) = (nearest.min(q), sum + w);
+    }
+    (nearest, sum)
+}
+
+/// The first pass of the fit: the softened squared distance of the nearest, and moments.
+#[inline(always)]
+fn moments<S: Simd>(
+    simd: S,
+    (records, chosen): (&[Record], &[u32]),
+    at: [S::f32s; 2],
+    weighing: &Weighing<S>,
+    weights: &mut Weights,
+) -> (S::f32s, Moments<S>) {
+    let mut nearest = S::f32s::splat(simd, f32::INFINITY);
+    let mut moments = Moments::new(simd);
+    for (weight, &i) in weights.iter_mut().zip(chosen) {
+        let s = &records[i as usize];
+        let steps = s.from(simd, at);
+        let [q, w] = weighing.weight(steps, S::u32s::splat(simd, s.count));
+        nearest = nearest.min(q);
+        w.store_slice(&mut weight[..S::f32s::LEN]);
+        moments.add(w, steps);
+    }
+    (nearest, moments)
+}
+
+/// The second pass of the fit.
+#[inline(always)]
+fn sum_up<S: Simd>(
+    simd: S,
+    (records, chosen): (&[Record], &[u32]),
+    at: [S::f32s; 2],
+    weights: &Weights,
+    shares: &Shares<S>,
+) -> [S::f32s; 3] {
+    let splat = |v: f32| S::f32s::splat(simd, v);
+    let (mut red, mut green, mut blue) = (splat(0.0), splat(0.0), splat(0.0));
+    for (weight, &i) in weights.iter().zip(chosen) {
+        let s = &records[i as usize];
+        let w = S::f32s::from_slice(simd, &weight[..S::f32s::LEN]);
+        let share = shares.of(w, s.from(simd, at));
+        red += share * splat(s.rgb[0]);
+        green += share * splat(s.rgb[1]);
+        blue += share * splat(s.rgb[2]);
+    }
+    [red, green, blue]
 }
 
 /// Weighted mean of some of the records, at least one, by [`super::interpolate::weight`] of the distance between pixels.
@@ -195,7 +218,7 @@ pub(super) fn fit<S: Simd>(
 pub(super) fn mean<S: Simd>(
     simd: S,
     (records, chosen): (&[Record], &[u32]),
-    wanted: &Places,
+    wanted: &Wanted<'_>,
     out: &mut Fitted,
 ) {
     let lanes = S::f32s::LEN;

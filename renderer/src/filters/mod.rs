@@ -7,6 +7,8 @@ pub mod complex;
 mod fit;
 mod grow;
 pub mod interpolate;
+mod lattice;
+mod moments;
 mod records;
 pub mod settle;
 pub mod taps;

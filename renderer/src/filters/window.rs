@@ -52,11 +52,17 @@ impl Strip {
         part(self.low[row], self.high[row], block)
     }
 
-    /// The 8x8 pixels of a block's window, row by row.
+    /// The 8x8 pixels of the blocks' windows, each row by row.
     #[inline(always)]
-    pub(super) fn window(&self, block: usize) -> u64 {
-        (0..SIDE).fold(0, |window, row| {
-            window | self.row(row, block) << (SIDE * row)
+    pub(super) fn windows(&self) -> [u64; BLOCKS] {
+        // A byte is a row of every second window.
+        let even = transpose(self.low);
+        let odd = transpose(std::array::from_fn(|row| {
+            self.low[row] >> BLOCK | self.high[row] << (64 - BLOCK)
+        }));
+        std::array::from_fn(|block| {
+            let windows = if block % 2 == 0 { &even } else { &odd };
+            windows[block / 2]
         })
     }
 
@@ -69,6 +75,32 @@ impl Strip {
             any | u32::from(part(low, high, block) != 0) << block
         })
     }
+}
+
+/// Byte `r` of word `k` becomes byte `k` of word `r`.
+#[inline(always)]
+fn transpose(mut words: [u64; 8]) -> [u64; 8] {
+    let swaps = [
+        (4, 0x0000_0000_ffff_ffff),
+        (2, 0x0000_ffff_0000_ffff),
+        (1, 0x00ff_00ff_00ff_00ff),
+    ];
+    for (apart, low) in swaps {
+        for i in (0..8).filter(|i| i & apart == 0) {
+            let other = (words[i] >> (8 * apart) ^ words[i + apart]) & low;
+            words[i + apart] ^= other;
+            words[i] ^= other << (8 * apart);
+        }
+    }
+    words
+}
+
+/// Bits set in each row of a window.
+#[inline(always)]
+pub(super) fn row_counts(window: u64) -> [u8; SIDE] {
+    let pairs = window - (window >> 1 & 0x5555_5555_5555_5555);
+    let fours = (pairs & 0x3333_3333_3333_3333) + (pairs >> 2 & 0x3333_3333_3333_3333);
+    ((fours + (fours >> 4)) & 0x0f0f_0f0f_0f0f_0f0f).to_le_bytes()
 }
 
 /// The bits of a row that a block's window shows.

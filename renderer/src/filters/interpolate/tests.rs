@@ -146,10 +146,45 @@ impl Scene {
         reached
     }
 
-    /// The samples that serve a pixel and the area that they were found in, by the description of [`super::super::blocks`].
+    /// The pixel and those of the eight around it that it reaches.
+    fn beside(&self, (x, y): Pixel) -> Vec<Pixel> {
+        let grid = self.samples.grid;
+        let is_beside = |(u, v): Pixel| u.abs_diff(x) <= 1 && v.abs_diff(y) <= 1;
+        if self.bit(&self.complex, (x, y)) {
+            let rows = (0..grid.height).flat_map(|y| (0..grid.width).map(move |x| (x, y)));
+            return rows.filter(|&p| is_beside(p)).collect();
+        }
+        self.reach(&[(x, y)], 2, is_beside)
+    }
+
+    /// Whether each pixel of a block has three samples beside it.
+    fn is_dense(&self, (x, y): Pixel) -> bool {
+        let grid = self.samples.grid;
+        let rows = (y..(y + 4).min(grid.height))
+            .flat_map(|y| (x..(x + 4).min(grid.width)).map(move |x| (x, y)));
+        x < grid.width
+            && rows.into_iter().all(|p| {
+                let beside = self.beside(p);
+                let has = beside
+                    .iter()
+                    .filter(|&&(x, y)| self.samples.has_sample(x, y));
+                has.count() >= 3
+            })
+    }
+
+    /// The samples that serve a pixel and the area that they were found in, by the descriptions of [`super::super::blocks`]
+    /// and [`super::super::lattice`].
     fn serving(&self, (x, y): Pixel) -> (Vec<Pixel>, usize) {
         let grid = self.samples.grid;
         let block = [x & !3, y & !3];
+        let four = [0, 4, 8, 12].map(|dx| self.is_dense(((x & !15) + dx, block[1])));
+        if four[x % 16 / 4] && four.iter().filter(|&&dense| dense).count() >= 2 {
+            let beside = self.beside((x, y));
+            let has = beside
+                .iter()
+                .filter(|&&(x, y)| self.samples.has_sample(x, y));
+            return (has.copied().collect(), beside.len());
+        }
         let apart = |p: Pixel| {
             let [x, y] = [(p.0, block[0]), (p.1, block[1])]
                 .map(|(p, b)| b.saturating_sub(p).max(p.saturating_sub(b + 3)));
@@ -252,7 +287,8 @@ impl Scene {
 }
 
 /// Sizes and shares of samples, walls and complex pixels.
-const SCENES: [((usize, usize), [f32; 3]); 9] = [
+const SCENES: [((usize, usize), [f32; 3]); 10] = [
+    ((150, 21), [0.8, 0.1, 0.02]),
     ((70, 13), [0.02, 0.0, 0.0]),
     ((64, 8), [0.3, 0.0, 0.0]),
     ((130, 11), [1.0, 0.02, 0.0]),
