@@ -37,6 +37,13 @@ const OFF_PLANE: f64 = 0.6;
 /// A sum of weights that is enough not to look for finer records.
 const ENOUGH: f64 = 0.8;
 
+/// Records are doubted whose middle is so many spacings aside of the point, from no doubt to full: what is beyond them may be
+/// hidden from all, or different.
+const ASIDE: [f64; 2] = [0.35, 0.55];
+
+/// Records are doubted that differ by such a share in what they say of the point, from no doubt to full. Noise is less.
+const AT_ODDS: [f64; 2] = [0.05, 0.15];
+
 /// Height at which the way to a record is looked along, spacings.
 const LIFT: f64 = 0.1;
 
@@ -61,7 +68,71 @@ struct Estimate {
     weight: f64,
     irradiance: Vec3,
     reach_m: f64,
+    /// How far the records' middle is from the point, metres.
+    aside_m: f64,
+    /// Deviation of what single records say, as a share of their mean.
+    at_odds: f64,
     is_provisional: bool,
+}
+
+/// Weighted sums over records around a point.
+#[derive(Default)]
+struct Sums {
+    weight: f64,
+    /// As each has it at its site, turned to the point's normal.
+    at_sites: DVec3,
+    /// As each expects it at the point.
+    expected: DVec3,
+    /// Square of the mean of that over channels.
+    squared: f64,
+    by_place: [DVec3; 3],
+    /// From the point to the sites.
+    offset: DVec3,
+    reach_m: f64,
+}
+
+impl Sums {
+    /// `trust` is the share of the record's change by place that counts.
+    fn add(&mut self, record: &Record, at: &Receiver, weight: f64, trust: f32) {
+        let expected = record.extrapolate(at, trust).as_dvec3();
+        self.weight += weight;
+        self.at_sites += record.extrapolate(at, 0.).as_dvec3() * weight;
+        self.expected += expected * weight;
+        self.squared += (expected.element_sum() / 3.).powi(2) * weight;
+        for (sum, own) in self.by_place.iter_mut().zip(record.gathered.by_place) {
+            *sum += own.as_dvec3() * (weight * f64::from(trust));
+        }
+        self.offset += (record.site.position - at.position) * weight;
+        self.reach_m += weight * f64::from(record.reach_m());
+    }
+
+    /// The mean of two interpolations that are both exact where irradiance changes evenly. Where it bends, its tangents at the
+    /// sites are all on one side of it, and the plane through the sites is as far on the other: half of each, as in Hermite
+    /// interpolation, leaves only what comes of the sites' lying aside.
+    fn irradiance(&self) -> DVec3 {
+        let share = self.weight.recip();
+        let change = self.by_place.map(|slope| -slope.dot(self.offset) * share);
+        let by_sites = (self.at_sites + DVec3::from_array(change)) * share;
+        (self.expected * share).midpoint(by_sites.max(DVec3::ZERO))
+    }
+
+    fn at_odds(&self) -> f64 {
+        let mean = self.expected.element_sum() / 3. / self.weight;
+        let variance = (self.squared / self.weight - mean * mean).max(0.);
+        if mean > 0. {
+            variance.sqrt() / mean
+        } else {
+            0.
+        }
+    }
+}
+
+impl Estimate {
+    /// From 0 to 1, how much records this far apart are to be doubted for what they themselves say.
+    fn doubt(&self, spacing: f64) -> f64 {
+        let share = |x: f64, [none, full]: [f64; 2]| ((x - none) / (full - none)).clamp(0., 1.);
+        share(self.aside_m / spacing, ASIDE).max(share(self.at_odds, AT_ODDS))
+    }
 }
 
 impl IrradianceCache {
@@ -87,10 +158,11 @@ impl IrradianceCache {
             }
             let wanted = (ACCURACY * estimate.reach_m).clamp(least, most.max(least));
             let too_far = (spacing / wanted).log2().clamp(0., 1.);
+            let doubt = estimate.doubt(spacing) * (spacing / least).log2().clamp(0., 1.);
             let can_refine = level < DEEPEST && spacing > THIN_PX * pixel;
             let too_few = 1. - (estimate.weight / ENOUGH).min(1.);
             let finer = match (estimate.weight > 0., can_refine) {
-                (true, true) => too_far.max(too_few),
+                (true, true) => too_far.max(too_few).max(doubt),
                 (true, false) => 0.,
                 (false, _) => 1.,
             };
@@ -138,7 +210,7 @@ impl IrradianceCache {
             reach_m: f64::INFINITY,
             ..Estimate::default()
         };
-        let (mut irradiance, mut reach) = (DVec3::ZERO, 0.);
+        let mut sums = Sums::default();
         let centre = self.lattice.cell(level, at.position);
         for shift in (0..27).map(|i| IVec3::new(i % 3, i / 3 % 3, i / 9) - 1) {
             let cell = Cell {
@@ -165,16 +237,17 @@ impl IrradianceCache {
                 // What is far for one record is near for another (Ward's weight).
                 let weight = weight * own_reach / (own_reach + 2. * distance);
                 let trust = (own_reach / (SUPPORT * spacing)).min(1.) as f32;
-                irradiance += record.extrapolate(at, trust).as_dvec3() * weight;
-                reach += weight * own_reach;
-                sum.weight += weight;
+                sums.add(&record, at, weight, trust);
                 // No point can be relied on much farther than its neighbour is (Křivánek et al. 2006, neighbour clamping).
                 sum.reach_m = sum.reach_m.min(own_reach + distance / weight);
             }
         }
-        if sum.weight > 0. {
-            sum.irradiance = (irradiance / sum.weight).as_vec3();
-            sum.reach_m = sum.reach_m.min(reach / sum.weight);
+        if sums.weight > 0. {
+            sum.weight = sums.weight;
+            sum.irradiance = sums.irradiance().as_vec3();
+            sum.reach_m = sum.reach_m.min(sums.reach_m / sums.weight);
+            sum.aside_m = sums.offset.length() / sums.weight;
+            sum.at_odds = sums.at_odds();
         }
         sum
     }
