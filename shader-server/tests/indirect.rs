@@ -144,6 +144,64 @@ fn furnace_of_a_point_light() {
     assert_eq!(cache.tally().alone, 0);
 }
 
+/// A linear light along the axis of a sphere: direct irradiance at the sphere's wall in closed form, with the diffuse and the glossy
+/// shader alike; what falls on the wall in all is what the light gives, and what is reflected keeps the balance.
+#[test]
+fn furnace_of_a_linear_light() {
+    let (half, intensity) = (0.4, 2.);
+    let light = Light::Linear {
+        from: [0., -half as f32, 0.],
+        to: [0., half as f32, 0.],
+        intensity: [intensity as f32; 3],
+    };
+    let build = |model: Model| {
+        let mut scene = scene(
+            vec![light.clone()],
+            vec![sphere(64, 128)],
+            vec![object("sphere", 0, AT_ORIGIN)],
+        );
+        scene.shading.model = model;
+        scene.shading.background = [0.; 3];
+        Stage::build(Arc::new(scene)).unwrap()
+    };
+    // By quadrature over the light: cosine over the square of the distance.
+    let direct = |height: f64| -> f64 {
+        let n = 2000;
+        let step = 2. * half / f64::from(n);
+        (0..n)
+            .map(|i| {
+                let y = -half + (f64::from(i) + 0.5) * step;
+                // The normal at p is -p, and p has length 1.
+                let squared = 1. + y * y - 2. * y * height;
+                (1. - y * height) / squared.powf(1.5) * step * intensity
+            })
+            .sum()
+    };
+    // Light of all directions, 4π a metre, over a wall of 4π square metres, is the mean of direct irradiance: Lambert's wall spreads
+    // evenly what it reflects, so that every further reflection is the same everywhere.
+    let mean = 2. * half * intensity;
+    let quadrature = (0..1000).map(|i| direct((f64::from(i) + 0.5) / 500. - 1.));
+    assert!((quadrature.sum::<f64>() / 1000. / mean - 1.).abs() < 1e-3);
+    let beyond = mean * f64::from(reflected(0.5));
+    for model in [Model::Direct, Model::Glossy, Model::Global] {
+        let stage = build(model);
+        for to in [
+            vec3(0.1, 0.95, 0.2),
+            vec3(0.7, 0.4, -0.5),
+            vec3(-0.9, -0.1, 0.3),
+        ] {
+            let to = to.normalize();
+            let expected = direct(to.y.into()) + if model == Model::Global { beyond } else { 0. };
+            let radiance = (0.5 * expected / PI) as f32;
+            let sample = shade(&stage, vec3(0.2, 0.1, 0.1), to);
+            assert!(
+                (sample.radiance[0] / radiance - 1.).abs() < 0.015,
+                "{model:?} {to}: {sample:?} {radiance}"
+            );
+        }
+    }
+}
+
 /// A box around an area light and a linear one: the light that is given out and not absorbed adds up. Mean irradiance over the box
 /// is what the lights give, over its area, times 1 + ρ + ρ² + ρ³ + ρ⁴ if every reflection spreads it evenly; it does not quite, so
 /// the test is the balance of the direct and the indirect part as rays have them.
@@ -528,4 +586,95 @@ fn highlights_of_points_and_lines_agree() {
         point > 0.1 && (line / point - 1.).abs() < 0.01,
         "{point} {line}"
     );
+}
+
+/// Glossy reflection of a light, of what else there is and of the world beyond, against a sum over the whole hemisphere that
+/// knows of no sampling: many rays evenly spread, each weighed by the reflection's closed form.
+#[test]
+fn gloss_agrees_with_brute_force() {
+    let light = Light::Area {
+        vertices: vec![
+            [-0.5, 1., -1.2],
+            [0.5, 1., -1.2],
+            [0.5, 2., -1.2],
+            [-0.5, 2., -1.2],
+        ],
+        radiance: [3.; 3],
+    };
+    let mut wall = square(1.);
+    wall.positions = vec![[0.8, 0., -1.], [0.8, 0., 1.], [0.8, 1., 1.], [0.8, 1., -1.]];
+    let objects = |specular: bool| {
+        let mut floor = object("floor", 0, AT_ORIGIN);
+        floor.material = u32::from(specular);
+        vec![floor, object("wall", 1, AT_ORIGIN)]
+    };
+    for roughness in [0.25f32, 0.6] {
+        let build = |specular: bool| {
+            let mut scene = scene(
+                vec![light.clone()],
+                vec![square(1.), wall.clone()],
+                objects(specular),
+            );
+            scene.shading.model = Model::Glossy;
+            scene.shading.background = [0.2, 0.3, 0.5];
+            let mut gloss = scene.materials[0].clone();
+            gloss.diffuse = [0.; 3];
+            gloss.specular = [0.5, 0.3, 0.9];
+            gloss.roughness = roughness;
+            scene.materials.push(gloss);
+            Stage::build(Arc::new(scene)).unwrap()
+        };
+        // What reflected rays meet does not depend on the floor's own gloss.
+        let (glossy, plain) = (build(true), build(false));
+        let (eye, target) = (vec3(-0.3, 0.9, 0.9), vec3(0.1, 0., 0.1));
+        let view = (eye - target).normalize();
+        let shaded = |stage: &Stage, seed: u64, from: Vec3, direction: Vec3| {
+            let ray = Ray {
+                origin: from,
+                direction,
+            };
+            let sample = Shader::new(stage, &ShadowRays::default(), seed)
+                .shade(seed, &ray)
+                .sample;
+            Vec3::from(sample.radiance)
+        };
+        let runs = 300;
+        let ours: Vec3 = (0..runs)
+            .map(|i| shaded(&glossy, i, eye, -view))
+            .sum::<Vec3>()
+            / runs as f32;
+        let side = 500;
+        let facing = vec3(0.5, 0.3, 0.9);
+        let (mut sum, mut lossless) = (Vec3::ZERO, Vec3::ZERO);
+        for i in 0..side * side {
+            let mut stream = Stream::new(11, i);
+            let cell = glam::vec2((i % side) as f32, (i / side) as f32);
+            let place = (cell + stream.square()) / side as f32;
+            let (sin, cos) = (std::f32::consts::TAU * place.y).sin_cos();
+            let sine = (1. - place.x * place.x).sqrt();
+            let direction = vec3(sine * cos, place.x, sine * sin);
+            let radiance = shaded(&plain, i, target + Vec3::Y * 1e-5, direction);
+            sum += ggx(direction, view, roughness, facing) * direction.y * radiance;
+            lossless += ggx(direction, view, roughness, Vec3::ONE) * direction.y;
+        }
+        let share = std::f32::consts::TAU / (side * side) as f32;
+        // What single scattering of a perfect mirror's facets loses is given back (Turquin 2019).
+        let given_back = 1. + facing * ((lossless * share).recip() - 1.);
+        let theirs = sum * share * given_back;
+        assert!(
+            (ours / theirs - 1.).abs().max_element() < 0.015,
+            "{roughness}: {ours} {theirs}"
+        );
+    }
+}
+
+/// The GGX reflection with height-correlated masking and Schlick's Fresnel term, written out anew; the normal is y.
+fn ggx(light: Vec3, view: Vec3, alpha: f32, facing: Vec3) -> Vec3 {
+    let half = (light + view).normalize();
+    let squared = alpha * alpha;
+    let d = squared / (std::f32::consts::PI * (half.y * half.y * (squared - 1.) + 1.).powi(2));
+    let lambda = |cosine: f32| (-1. + (1. + squared * (1. / (cosine * cosine) - 1.)).sqrt()) / 2.;
+    let g = 1. / (1. + lambda(light.y) + lambda(view.y));
+    let fresnel = facing + (1. - facing) * (1. - view.dot(half)).powi(5);
+    fresnel * (d * g / (4. * light.y * view.y))
 }
