@@ -276,7 +276,8 @@ impl World {
     /// The closest hit at a distance of at most `t_max`.
     #[must_use]
     pub fn closest(&self, ray: &Ray, t_max: f32) -> Option<Hit> {
-        if !ray.is_valid() || !(t_max > 0.) || self.instances.is_empty() {
+        let may_hit = ray.is_valid() && t_max > 0. && !self.instances.is_empty();
+        if !may_hit {
             return None;
         }
         self.with_stack(|stack| closest(self, ray, t_max, stack))
@@ -321,7 +322,8 @@ impl World {
         recent: &mut Recent,
         mut accept: impl FnMut(u32, u32) -> bool,
     ) -> Option<Occluder> {
-        if !ray.is_valid() || !(t_max > 0.) || self.instances.is_empty() {
+        let may_hit = ray.is_valid() && t_max > 0. && !self.instances.is_empty();
+        if !may_hit {
             return None;
         }
         let mut query = Any {

@@ -73,8 +73,8 @@ impl Kernel for Plain {
     #[inline(always)]
     fn rays_in_box(self, node: &Node, lane: usize, rays: &Bundle, t_max: &[f32; WIDTH]) -> u32 {
         let mut bits = 0;
-        for ray in 0..WIDTH {
-            let (mut enter, mut leave) = (0f32, t_max[ray]);
+        for (ray, &t_max) in t_max.iter().enumerate() {
+            let (mut enter, mut leave) = (0f32, t_max);
             for axis in 0..3 {
                 let near_plane = node.bounds[rays.near.rows[axis] as usize][lane];
                 let far_plane = node.bounds[rays.far.rows[axis] as usize][lane];

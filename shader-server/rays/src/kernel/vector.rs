@@ -13,6 +13,7 @@ use crate::{
 #[derive(Clone, Copy)]
 pub(crate) struct Vector<S>(pub(crate) S);
 
+// No closures here: their code would be compiled for instructions that every processor has.
 impl<S: Simd> Vector<S> {
     #[inline(always)]
     fn all(self, value: f32) -> f32x8<S> {
@@ -23,10 +24,7 @@ impl<S: Simd> Vector<S> {
     fn row(self, row: &[f32; WIDTH]) -> f32x8<S> {
         f32x8::simd_from(self.0, *row)
     }
-}
 
-// No closures here: their code would be compiled for instructions that every processor has.
-impl<S: Simd> Vector<S> {
     #[inline(always)]
     fn three(self, values: &[f32; 3]) -> [f32x8<S>; 3] {
         [
