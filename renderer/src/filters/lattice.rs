@@ -12,9 +12,6 @@ use super::taps::{INNER, OFFSETS, shifted};
 use super::window::BLOCKS;
 use crate::epi::grid::Grid;
 
-/// Samples that each pixel of a block has within its reach.
-const ENOUGH: usize = 3;
-
 /// Blocks side by side whose pixels are reconstructed together.
 const TOGETHER: usize = 4;
 
@@ -55,6 +52,7 @@ impl Lattice {
         let mut enough = !0;
         for (k, row) in self.rows[..height].iter_mut().enumerate() {
             *row = Reach::new(grid, inputs.near, (word, y + k), edged);
+            // Three samples or more within the reach of each pixel.
             enough &= row.count[2] | row.count[3] | row.count[0] & row.count[1];
             enough |= !grid.valid(word);
         }
