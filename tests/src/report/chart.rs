@@ -196,11 +196,17 @@ impl Chart {
             .light_line_style(WHITE)
             .bold_line_style(RGBColor(225, 225, 225))
             .draw()?;
-        let drawn = self.series.iter().filter(|s| s.mark != Mark::Floor);
-        let marks: Vec<(i32, i32)> = drawn
-            .flat_map(Series::drawable)
-            .map(|(x, y, _)| chart.backend_coord(&(*x, *y)))
-            .collect();
+        let mut marks: Vec<(i32, i32)> = Vec::new();
+        for series in self.series.iter().filter(|s| s.mark != Mark::Floor) {
+            let places = series.drawable().into_iter();
+            let places: Vec<_> = places
+                .map(|(x, y, _)| chart.backend_coord(&(*x, *y)))
+                .collect();
+            if series.mark == Mark::Line {
+                marks.extend(labels::along(&places));
+            }
+            marks.extend(places);
+        }
         for (series, colour) in self.series.iter().zip(PALETTE.iter().cycle()) {
             draw_series(&mut chart, series, *colour, &ends, &marks)?;
         }
@@ -224,6 +230,12 @@ impl Chart {
     }
 }
 
+/// A point of a chart, in its own units.
+type Place = (f64, f64);
+
+/// From a point to its label, pixels of the page.
+type Offset = (i32, i32);
+
 type Failure = DrawingAreaErrorKind<std::io::Error>;
 type Plane<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<LogAxis, LogAxis>>;
 
@@ -246,7 +258,7 @@ fn draw_series(
             let style = ("sans-serif", 11).into_font().color(&colour);
             let on_page: Vec<_> = places.iter().map(|at| chart.backend_coord(at)).collect();
             let offsets = labels::offsets(&on_page, marks);
-            let text = |(i, (at, offset)): (usize, ((f64, f64), (i32, i32)))| {
+            let text = |(i, (at, offset)): (usize, (Place, Offset))| {
                 EmptyElement::at(at)
                     + TriangleMarker::new((0, 0), 5, colour.filled())
                     + Text::new((i + 1).to_string(), offset, style.clone())

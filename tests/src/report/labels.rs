@@ -5,9 +5,11 @@ const MARK: i32 = 5;
 /// Width of a digit and height of a line of labels.
 const DIGIT: i32 = 7;
 const LINE: i32 = 11;
-/// Rows of a legend and its width.
+/// How far apart marks stand for a line, so that no label fits between them.
+const LINE_STEP: i32 = 6;
+/// Height of a legend's row, and its width.
 const LEGEND_ROW: i32 = 17;
-const LEGEND_WIDTH: i32 = 300;
+const LEGEND_WIDTH: i32 = 210;
 
 /// Offsets of a label's upper left corner from its point, best first: beside it, above, below, then further out.
 const OFFSETS: [(i32, i32); 14] = [
@@ -40,6 +42,17 @@ fn mark(&(x, y): &(i32, i32)) -> Rectangle {
 
 fn label(&(x, y): &(i32, i32), (dx, dy): (i32, i32), digits: i32) -> Rectangle {
     (x + dx, y + dy, x + dx + DIGIT * digits, y + dy + LINE)
+}
+
+/// Marks that stand for the lines through these points.
+pub(super) fn along(points: &[(i32, i32)]) -> Vec<(i32, i32)> {
+    let mut marks = Vec::new();
+    for pair in points.windows(2) {
+        let [(x, y), (to_x, to_y)] = [pair[0], pair[1]];
+        let steps = ((to_x - x).abs().max((to_y - y).abs()) / LINE_STEP).max(1);
+        marks.extend((0..steps).map(|k| (x + (to_x - x) * k / steps, y + (to_y - y) * k / steps)));
+    }
+    marks
 }
 
 /// For each of `points`, numbered from 1, the offset of its number that meets the fewest numbers before it and marks.
@@ -131,6 +144,17 @@ mod tests {
                 "{i}: {own:?}"
             );
         }
+    }
+
+    #[test]
+    fn a_number_keeps_off_a_line() {
+        let line = along(&[(0, 100), (200, 96)]);
+        assert!(line.len() > 30 && line.iter().all(|(_, y)| (96..=100).contains(y)));
+        let point = (100, 98);
+        let marks: Vec<_> = line.iter().copied().chain([point]).collect();
+        let own = label(&point, offsets(&[point], &marks)[0], 1);
+        assert!(marks.iter().all(|m| !overlap(own, mark(m))), "{own:?}");
+        assert!(along(&[point]).is_empty());
     }
 
     #[test]

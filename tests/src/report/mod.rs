@@ -190,13 +190,13 @@ mod tests {
     use super::*;
 
     fn report(fake: &Fake, only: &[&str]) -> (tempfile::TempDir, Summary, String) {
-        report_with(fake, only, Settings::quick())
+        report_with(fake, only, &Settings::quick())
     }
 
     fn report_with(
         fake: &Fake,
         only: &[&str],
-        settings: Settings,
+        settings: &Settings,
     ) -> (tempfile::TempDir, Summary, String) {
         let folder = tempfile::tempdir().unwrap();
         let only = only.iter().map(|s| (*s).to_owned()).collect();
@@ -214,7 +214,7 @@ mod tests {
                 size_px: [64, 64],
                 ..settings.shadows
             },
-            ..settings
+            ..settings.clone()
         };
         let places = Places {
             checkout: folder.path().to_owned(),
@@ -329,7 +329,7 @@ mod tests {
             still_of_the_paper: true,
             ..Settings::quick()
         };
-        let (folder, ..) = report_with(&Fake::default(), &["still"], settings);
+        let (folder, ..) = report_with(&Fake::default(), &["still"], &settings);
         for file in ["torus-flip-time", "torus-edges-samples", "chains-flip-time"] {
             let path = folder.path().join(format!("out/still-{file}.csv"));
             assert!(path.is_file(), "{file}");
