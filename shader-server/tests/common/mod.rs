@@ -3,6 +3,7 @@
 
 use std::{collections::HashMap, net::SocketAddr, num::NonZeroUsize, sync::Arc};
 
+use glam::Vec3;
 pub use protocol::scene::Scene;
 use protocol::{
     framing::{Receiver, Sender, display_side},
@@ -12,7 +13,8 @@ use protocol::{
     session::{DisplayEvent, DisplaySession, SceneSize},
     transfer::EncodedScene,
 };
-use shader_server::{ServerConfig, run};
+use rays::Ray;
+use shader_server::{ServerConfig, Shader, Stage, run, shadows::ShadowRays};
 use tokio::{
     io::{ReadHalf, WriteHalf},
     net::{TcpListener, TcpStream},
@@ -247,4 +249,43 @@ impl Client {
             }
         }
     }
+}
+
+/// Irradiance after one to four reflections of albedo ρ in a furnace whose direct irradiance is 1.
+pub fn reflected(albedo: f32) -> f32 {
+    (1..=4).map(|n| albedo.powi(n)).sum()
+}
+
+/// A sphere of radius 1, smooth.
+pub fn sphere(rings: u32, around: u32) -> Mesh {
+    let mut mesh = Mesh::default();
+    for ring in 0..=rings {
+        let (sin, cos) = (std::f32::consts::PI * ring as f32 / rings as f32).sin_cos();
+        for step in 0..around {
+            let (s, c) = (std::f32::consts::TAU * step as f32 / around as f32).sin_cos();
+            mesh.positions.push([sin * c, cos, sin * s]);
+            mesh.normals.push([sin * c, cos, sin * s]);
+        }
+    }
+    for ring in 0..rings {
+        for step in 0..around {
+            let next = (step + 1) % around;
+            let [a, b] = [ring * around + step, ring * around + next];
+            mesh.faces
+                .extend([[a, b, a + around], [b, b + around, a + around]]);
+        }
+    }
+    mesh.face_normals = mesh.faces.clone();
+    mesh
+}
+
+/// The sample of a ray from one point towards another.
+pub fn shade(stage: &Stage, from: Vec3, to: Vec3) -> Sample {
+    let ray = Ray {
+        origin: from,
+        direction: (to - from).normalize(),
+    };
+    Shader::new(stage, &ShadowRays::default(), 3)
+        .shade(1, &ray)
+        .sample
 }
