@@ -1,6 +1,7 @@
 //! Shaded points: the cache that keeps them, and what of them each pixel sees.
 
 pub mod around;
+mod bands;
 pub mod between;
 pub mod cache;
 pub mod cull;

@@ -3,6 +3,7 @@
 use fearless_simd::{Level, dispatch, prelude::*};
 use fearless_simd_macros::simd;
 
+use super::bands::Bands;
 use super::{PixelSamples, PointCache, pixels::NO_POINT};
 use crate::camera::View;
 
@@ -42,10 +43,12 @@ impl Default for Projected {
     }
 }
 
-/// What is left in each pixel: a key of depth, point and place, by row without margin.
+/// What is left in each pixel, a band of rows at a time.
 #[derive(Clone, Debug, Default)]
 pub struct Nearest {
+    /// Keys of depth, point and place of a band, by row without margin.
     keys: Vec<u64>,
+    landed: Bands,
     batch: Projected,
     row: Row,
 }
@@ -109,19 +112,31 @@ pub fn project(
 ) {
     let grid = pixels.grid;
     debug_assert!(grid.width == view.width as usize && grid.height == view.height as usize);
-    let Nearest { keys, batch, row } = nearest;
-    keys.clear();
-    keys.resize(grid.height * grid.stride, u64::MAX);
+    let Nearest {
+        keys,
+        landed,
+        batch,
+        row,
+    } = nearest;
     let layout = KeyLayout::new(cache.capacity());
+    landed.start(grid, cache.reach());
     cache.start_frame();
     for_each_in_image(level, cache, view, batch, |slot, [x, y], depth| {
-        let key = layout.pack(depth, slot, x, y);
-        let cell = &mut keys[(y >> PLACE_BITS) as usize * grid.stride + (x >> PLACE_BITS) as usize];
-        *cell = key.min(*cell);
+        let pixel = [x >> PLACE_BITS, y >> PLACE_BITS];
+        landed.push(pixel, layout.pack(depth, slot, x, y));
     });
-    for (y, keys) in keys.chunks_exact(grid.stride).enumerate() {
-        row.place(layout, keys, y, pixels);
-        row.colour(cache, pixels);
+    for band in 0..landed.len() {
+        let rows = landed.rows_of(band);
+        keys.clear();
+        keys.resize(rows.len() * grid.stride, u64::MAX);
+        landed.for_each(band, |cell, key| {
+            let cell = &mut keys[cell];
+            *cell = key.min(*cell);
+        });
+        for (y, keys) in rows.zip(keys.chunks_exact(grid.stride)) {
+            row.place(layout, keys, y, pixels);
+            row.colour(cache, pixels);
+        }
     }
 }
 
