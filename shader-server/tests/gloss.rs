@@ -5,7 +5,7 @@ mod common;
 
 use std::sync::Arc;
 
-use common::{AT_ORIGIN, object, scene, shade, sphere, square};
+use common::{AT_ORIGIN, box_of_lights, object, scene, shade, sphere, square};
 use glam::{Vec3, vec3};
 use protocol::{
     messages::flags,
@@ -44,25 +44,7 @@ fn white_furnace_of_gloss() {
 /// being sampled add up.
 #[test]
 fn furnace_of_area_lights_on_gloss() {
-    let mut lights = vec![];
-    for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
-        for side in [axis, -axis] {
-            let (u, v) = side.any_orthonormal_pair();
-            let mut corners = [side + u + v, side - u + v, side - u - v, side + u - v];
-            if (corners[1] - corners[0])
-                .cross(corners[2] - corners[0])
-                .dot(side)
-                > 0.
-            {
-                corners.reverse();
-            }
-            let vertices = corners.map(|c| c.to_array()).to_vec();
-            lights.push(Light::Area {
-                vertices,
-                radiance: [1.; 3],
-            });
-        }
-    }
+    let lights = box_of_lights(1.);
     for roughness in [0.05, 0.2, 0.6, 1.] {
         let mut scene = scene(
             lights.clone(),

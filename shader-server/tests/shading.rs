@@ -5,7 +5,7 @@ mod common;
 
 use std::{f32::consts::PI, sync::Arc};
 
-use common::{AT_ORIGIN, object, scene, square};
+use common::{AT_ORIGIN, box_of_lights, object, scene, square};
 use glam::{DVec3, Vec3, dvec3, vec3};
 use protocol::{
     messages::{NO_OBJECT, Triple, flags},
@@ -59,26 +59,7 @@ fn ceiling_light(x: [f32; 2], z: [f32; 2], y: f32, radiance: f32) -> Light {
 /// lies.
 #[test]
 fn furnace_of_area_lights() {
-    let mut lights = vec![];
-    for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
-        for side in [axis, -axis] {
-            let (u, v) = side.any_orthonormal_pair();
-            // Anticlockwise as seen from inside.
-            let mut corners = [side + u + v, side - u + v, side - u - v, side + u - v];
-            if (corners[1] - corners[0])
-                .cross(corners[2] - corners[0])
-                .dot(side)
-                > 0.
-            {
-                corners.reverse();
-            }
-            let vertices = corners.map(|c| c.to_array()).to_vec();
-            lights.push(Light::Area {
-                vertices,
-                radiance: [2.; 3],
-            });
-        }
-    }
+    let lights = box_of_lights(2.);
     let tilted = quad([
         [-0.3, 0.1, -0.3],
         [-0.2, 0., 0.3],

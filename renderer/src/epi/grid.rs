@@ -55,6 +55,20 @@ impl Grid {
         (y * self.words + x / 64, (x % 64) as u32)
     }
 
+    /// Visits every pixel whose bit is set in a plane, by rows.
+    #[inline]
+    pub fn for_each_set(&self, plane: &[u64], mut visit: impl FnMut(usize, usize)) {
+        for y in 0..self.height {
+            for word in 0..self.words {
+                let mut left = plane[y * self.words + word];
+                while left != 0 {
+                    visit(word * 64 + left.trailing_zeros() as usize, y);
+                    left &= left - 1;
+                }
+            }
+        }
+    }
+
     /// Bits of word `word` of any row that are pixels of the image.
     #[inline]
     pub fn valid(&self, word: usize) -> u64 {

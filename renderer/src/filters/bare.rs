@@ -31,7 +31,7 @@ pub(super) fn fill_bare(
         .max(grid.height)
         .next_power_of_two()
         .trailing_zeros();
-    for_each(grid, left, |x, y| {
+    grid.for_each_set(left, |x, y| {
         let mean = (1..=levels).find_map(|level| block_mean(samples, (x, y), level));
         for (plane, value) in out.rgb.iter_mut().zip(mean.unwrap_or_default()) {
             plane[grid.at(x, y)] = value;
@@ -58,7 +58,7 @@ fn lend(
             plane[grid.at(to.0, to.1)] = plane[grid.at(from.0, from.1)];
         }
     };
-    for_each(grid, left, |x, y| {
+    grid.for_each_set(left, |x, y| {
         let lender = joined(grid, near, (x, y)).find(|&there| !is_left(left, there));
         if let Some(there) = lender {
             copy(there, (x, y));
@@ -109,19 +109,6 @@ fn joined(
     ]
     .into_iter()
     .flatten()
-}
-
-/// Visits every pixel whose bit is set.
-fn for_each(grid: Grid, plane: &[u64], mut visit: impl FnMut(usize, usize)) {
-    for y in 0..grid.height {
-        for word in 0..grid.words {
-            let mut bits = plane[y * grid.words + word];
-            while bits != 0 {
-                visit(word * 64 + bits.trailing_zeros() as usize, y);
-                bits &= bits - 1;
-            }
-        }
-    }
 }
 
 /// Mean of the samples in the aligned block of 2^level pixels squared around a pixel, if there are any.

@@ -161,7 +161,7 @@ impl Filters {
             return;
         }
         let grid = epi.grid;
-        for_each_bit(grid, &epi.simple, |x, y| {
+        grid.for_each_set(&epi.simple, |x, y| {
             let Some(split) = still.split(x, y, epi.code_at(x, y).0) else {
                 return;
             };
@@ -186,18 +186,5 @@ fn neighbours<'a>(from: &Inputs<'a>) -> Neighbours<'a> {
         simple: &from.epi.simple,
         complex: &from.epi.complex,
         has: &from.epi.has_sample,
-    }
-}
-
-/// Visits every pixel whose bit is set.
-fn for_each_bit(grid: Grid, plane: &[u64], mut visit: impl FnMut(usize, usize)) {
-    for y in 0..grid.height {
-        for word in 0..grid.words {
-            let mut left = plane[y * grid.words + word];
-            while left != 0 {
-                visit(word * 64 + left.trailing_zeros() as usize, y);
-                left &= left - 1;
-            }
-        }
     }
 }

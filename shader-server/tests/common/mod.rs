@@ -289,3 +289,28 @@ pub fn shade(stage: &Stage, from: Vec3, to: Vec3) -> Sample {
         .shade(1, &ray)
         .sample
 }
+
+/// Six area lights that close a box of half-size 1 around the origin, with this radiance.
+pub fn box_of_lights(radiance: f32) -> Vec<Light> {
+    let mut lights = vec![];
+    for axis in [Vec3::X, Vec3::Y, Vec3::Z] {
+        for side in [axis, -axis] {
+            let (u, v) = side.any_orthonormal_pair();
+            // Anticlockwise as seen from inside.
+            let mut corners = [side + u + v, side - u + v, side - u - v, side + u - v];
+            if (corners[1] - corners[0])
+                .cross(corners[2] - corners[0])
+                .dot(side)
+                > 0.
+            {
+                corners.reverse();
+            }
+            let vertices = corners.map(|c| c.to_array()).to_vec();
+            lights.push(Light::Area {
+                vertices,
+                radiance: [radiance; 3],
+            });
+        }
+    }
+    lights
+}
