@@ -59,7 +59,7 @@ impl HalfPlane {
     }
 }
 
-/// A light as a receiver sees it: the direction to (x, y) of the square is corner + x · sides[0] + y · sides[1].
+/// A light as a receiver sees it: the direction to (x, y) of the square is `corner + x · sides[0] + y · sides[1]`.
 struct Seen {
     corner: DVec3,
     sides: [DVec3; 2],
