@@ -129,7 +129,6 @@ fn indirect_light_agrees_with_an_independent_renderer() {
 }
 
 #[test]
-#[ignore = "takes a minute on two cores"]
 fn indirect_light_agrees_in_a_room_of_the_paper_s_size() {
     agree(&[case("mack", "global", 16, 0.005, 0.03)]);
 }
