@@ -19,7 +19,7 @@ use shader_server::{
     camera::Pinhole,
     lights::{Emitter, Receiver, Shape},
     random::Stream,
-    shadows::{ShadowRays, Shadows, Visibility},
+    shadows::{ShadowRays, Shadows},
 };
 
 fn main() {

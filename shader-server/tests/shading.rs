@@ -16,7 +16,7 @@ use shader_server::{
     Shader, Stage,
     lights::{Receiver, polygon},
     random::Stream,
-    shadows::{ShadowRays, Shadows, Visibility},
+    shadows::{ShadowRays, Shadows},
 };
 
 fn stage(scene: Scene) -> Stage {

@@ -18,7 +18,11 @@ use protocol::{
 use tokio::sync::Notify;
 
 use super::Shared;
-use crate::{camera::Pinhole, shading::Shader, stage::Stage};
+use crate::{
+    camera::Pinhole,
+    shading::{Shaded, Shader},
+    stage::Stage,
+};
 
 /// Requests traced together and samples sent together: at most, and at least while there are more.
 const CHUNK: usize = 64;
@@ -279,15 +283,22 @@ impl Desk {
             .with_pixel(chunk.pinhole.pixel_slope());
         let mut samples = Vec::with_capacity(chunk.requests.len());
         let mut textured = Vec::new();
-        for request in &chunk.requests {
+        let (mut rays, mut shaded) = (Vec::new(), Vec::new());
+        for requests in chunk.requests.chunks(shader.batch()) {
             if chunk.view < self.cancelled_before.load(Ordering::Relaxed) {
                 break;
             }
-            let shaded = shader.shade(request.id, &chunk.pinhole.ray(request));
-            let sample = shaded.sample;
-            match shaded.texel.filter(|_| chunk.textured) {
-                Some(texel) => textured.push(TexturedSample { sample, texel }),
-                None => samples.push(sample),
+            rays.clear();
+            rays.extend(requests.iter().map(|r| (r.id, chunk.pinhole.ray(r))));
+            shader.shade_each(&rays, &mut shaded);
+            for Shaded { sample, texel } in &shaded {
+                match texel.filter(|_| chunk.textured) {
+                    Some(texel) => textured.push(TexturedSample {
+                        sample: *sample,
+                        texel,
+                    }),
+                    None => samples.push(*sample),
+                }
             }
         }
         Traced {

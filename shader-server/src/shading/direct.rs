@@ -1,39 +1,43 @@
 //! Light straight from the lights.
 
-use glam::Vec3;
-use protocol::messages::Triple;
-use rays::Recent;
+use std::mem::take;
 
-use super::Shader;
-use crate::{lights::Receiver, random::Stream};
+use protocol::messages::Triple;
+
+use super::{Met, Shader};
+use crate::shadows::Asked;
 
 impl Shader<'_> {
-    /// Irradiance from every light, W/m²; notes the shadows met.
-    pub(super) fn direct(&mut self, stream: &Stream, receiver: &Receiver) -> Vec3 {
-        let mut irradiance = Vec3::ZERO;
-        for (index, emitter) in self.stage.emitters().iter().enumerate() {
-            let unoccluded = emitter.unoccluded(receiver) as f32;
-            if unoccluded <= 0. {
-                continue;
+    /// Adds the irradiance from every light, W/m², to what is met; notes the shadows.
+    pub(super) fn direct(&mut self, met: &mut [Met]) {
+        let mut asked = take(&mut self.asked);
+        for (light, emitter) in self.stage.emitters().iter().enumerate() {
+            asked.clear();
+            for (index, met) in met.iter().enumerate() {
+                let unoccluded = emitter.unoccluded(&met.receiver) as f32;
+                if unoccluded > 0. {
+                    asked.push(Asked {
+                        receiver: met.receiver,
+                        stream: met.stream.part(light as u64),
+                        index,
+                        unoccluded,
+                        seen: 0.,
+                    });
+                }
             }
-            let mut stream = stream.part(index as u64);
-            // Which blocker is found must not depend on what was shaded before.
-            self.shadows.recent = Recent::default();
-            let seen = self.visibility.fraction(
-                self.stage,
-                emitter,
-                receiver,
-                &mut stream,
-                &mut self.shadows,
-            );
-            irradiance += emitter.strength * (unoccluded * seen);
-            self.report(index as u32, receiver.instance);
+            self.visibility
+                .ask(self.stage, light, &mut asked, &mut self.shadows);
+            for asked in &asked {
+                let share = asked.unoccluded * asked.seen;
+                met[asked.index].irradiance += emitter.strength * share;
+            }
+            self.report(light as u32);
         }
-        irradiance
+        self.asked = asked;
     }
 
-    fn report(&mut self, light: u32, receiver: u32) {
-        for blocker in self.shadows.blockers.drain(..) {
+    fn report(&mut self, light: u32) {
+        for (receiver, blocker) in self.shadows.met.drain(..) {
             let triple = Triple {
                 light,
                 blocker,

@@ -7,20 +7,22 @@ mod direct;
 mod glossy;
 mod microfacet;
 
+use std::mem::take;
+
 use glam::Vec3;
 use protocol::{
     limits::clamp_radiance,
     messages::{NO_OBJECT, Sample, Texel, Triple, flags},
 };
-use rays::Ray;
+use rays::{Hit, Ray};
 
 use self::glossy::Reflector;
 use crate::{
     lights::{Receiver, Shape},
     mapped::Beam,
     random::Stream,
-    shadows::{Shadows, Visibility},
-    stage::Stage,
+    shadows::{Asked, Shadows, Visibility},
+    stage::{Stage, Surface},
 };
 
 /// Share of a pixel's width over which a sample averages maps: so little that the mean of a pixel's samples is hardly wider
@@ -55,6 +57,21 @@ pub struct Shader<'a> {
     pixel_slope: f64,
     rays: u64,
     triples: Vec<Triple>,
+    met: Vec<Met>,
+    asked: Vec<Asked>,
+}
+
+/// What a ray met, being shaded.
+struct Met {
+    /// Which of the batch it is.
+    index: usize,
+    direction: Vec3,
+    hit: Hit,
+    surface: Surface,
+    receiver: Receiver,
+    stream: Stream,
+    /// W/m², from the lights.
+    irradiance: Vec3,
 }
 
 /// Width of a pixel a metre away unless told otherwise: of an image 512 pixels high that spans 45 degrees.
@@ -64,15 +81,16 @@ impl<'a> Shader<'a> {
     /// A shader of `stage` whose random numbers come from `seed` and each request's id.
     #[must_use]
     pub fn new(stage: &'a Stage, visibility: &'a dyn Visibility, seed: u64) -> Self {
-        let (shadows, triples) = (Shadows::default(), Vec::new());
         Self {
             stage,
             visibility,
             seed,
-            shadows,
+            shadows: Shadows::default(),
             pixel_slope: PIXEL_SLOPE,
             rays: 0,
-            triples,
+            triples: Vec::new(),
+            met: Vec::new(),
+            asked: Vec::new(),
         }
     }
 
@@ -92,36 +110,55 @@ impl<'a> Shader<'a> {
 
     /// Shadows met since the last call, each once; blockers that are lights are left out.
     pub fn take_triples(&mut self) -> Vec<Triple> {
-        std::mem::take(&mut self.triples)
+        take(&mut self.triples)
     }
 
-    /// The sample that `ray` finds: direct light from every light, reflected diffusely.
+    /// Rays that it likes to be given at once: more gain nothing.
+    #[must_use]
+    pub fn batch(&self) -> usize {
+        self.visibility.batch()
+    }
+
+    /// The sample that a ray finds, `id` being its request's.
     ///
     /// Surfaces reflect on both sides, with the shading normal turned to the viewer; the cosine at the surface is the shading
     /// normal's, visibility the geometry's alone.
     pub fn shade(&mut self, id: u64, ray: &Ray) -> Shaded {
+        let mut shaded = Vec::with_capacity(1);
+        self.shade_each(&[(id, *ray)], &mut shaded);
+        shaded[0]
+    }
+
+    /// The samples that rays find, each with its request's id, in their order; what was in `shaded` is dropped. Each is the
+    /// same whatever else is in the batch.
+    pub fn shade_each(&mut self, rays: &[(u64, Ray)], shaded: &mut Vec<Shaded>) {
+        let mut met = take(&mut self.met);
+        met.clear();
+        shaded.clear();
+        for (index, (id, ray)) in rays.iter().enumerate() {
+            let (sample, found) = self.meet(index, *id, ray);
+            shaded.push(Shaded::from(sample));
+            met.extend(found);
+        }
+        self.direct(&mut met);
+        for met in &met {
+            self.finish(met, &mut shaded[met.index]);
+        }
+        self.met = met;
+    }
+
+    /// What a ray meets: a sample that is done but for its radiance where there is a surface to be shaded.
+    fn meet(&mut self, index: usize, id: u64, ray: &Ray) -> (Sample, Option<Met>) {
         self.rays += 1;
         let Some(hit) = self.stage.world().closest(ray, f32::INFINITY) else {
-            return Shaded::from(Sample {
+            let miss = Sample {
                 id,
                 position: ray.direction.normalize_or_zero().to_array(),
                 object: NO_OBJECT,
                 radiance: self.stage.shading().background,
                 flags: flags::MISS,
-            });
-        };
-        if let Some(light) = self.stage.light_of(hit.instance) {
-            return Shaded::from(Sample {
-                id,
-                position: ray.at(hit.t).to_array(),
-                object: light,
-                radiance: self.emitted(light, ray).to_array(),
-                flags: flags::LIGHT,
-            });
-        }
-        let beam = Beam {
-            direction: ray.direction,
-            width: BEAM_SHARE * self.pixel_slope as f32 * hit.t,
+            };
+            return (miss, None);
         };
         let mut sample = Sample {
             id,
@@ -130,29 +167,53 @@ impl<'a> Shader<'a> {
             radiance: [0.; 3],
             flags: 0,
         };
-        let Some(surface) = self.stage.surface_in(&hit, Some(&beam)) else {
-            return Shaded::from(sample);
+        if let Some(light) = self.stage.light_of(hit.instance) {
+            sample.object = light;
+            sample.radiance = self.emitted(light, ray).to_array();
+            sample.flags = flags::LIGHT;
+            return (sample, None);
+        }
+        let beam = Beam {
+            direction: ray.direction,
+            width: BEAM_SHARE * self.pixel_slope as f32 * hit.t,
         };
+        let Some(surface) = self.stage.surface_in(&hit, Some(&beam)) else {
+            return (sample, None);
+        };
+        sample.position = surface.position.as_vec3().to_array();
         let receiver = surface.seen_along(ray.direction.as_dvec3(), hit.instance, hit.face);
-        let reflector = Reflector::new(&surface, &receiver, -ray.direction.as_dvec3());
-        let stream = Stream::new(self.seed, id);
-        let (mut reflected, mut bits) = self.diffuse(&stream, &receiver, hit.t);
+        let met = Met {
+            index,
+            direction: ray.direction,
+            hit,
+            surface,
+            receiver,
+            stream: Stream::new(self.seed, id),
+            irradiance: Vec3::ZERO,
+        };
+        (sample, Some(met))
+    }
+
+    /// Shades what was met, its direct light being known.
+    fn finish(&mut self, met: &Met, shaded: &mut Shaded) {
+        let Met { hit, surface, .. } = met;
+        let reflector = Reflector::new(surface, &met.receiver, -met.direction.as_dvec3());
+        let (mut reflected, mut bits) = self.diffuse(met);
         let mut specular = Vec3::ZERO;
         if let Some(reflector) = &reflector {
             // What is reflected specularly is not there to be reflected diffusely.
             reflected *= Vec3::ONE - reflector.gloss.albedo;
-            specular = self.specular(reflector, &stream);
+            specular = self.specular(reflector, &met.stream);
             bits |= flags::VIEW_DEPENDENT;
         }
-        sample.position = surface.position.as_vec3().to_array();
-        sample.radiance = clamp_radiance((surface.diffuse * reflected + specular).to_array());
-        sample.flags = bits;
-        let texel = surface.textured.then(|| Texel {
+        shaded.sample.radiance =
+            clamp_radiance((surface.diffuse * reflected + specular).to_array());
+        shaded.sample.flags = bits;
+        shaded.texel = surface.textured.then(|| Texel {
             face: hit.face,
             reflectance: surface.diffuse.to_array(),
             reflected: clamp_radiance(reflected.to_array()),
         });
-        Shaded { sample, texel }
     }
 
     fn emitted(&self, light: u32, ray: &Ray) -> Vec3 {
@@ -166,12 +227,12 @@ impl<'a> Shader<'a> {
     }
 
     /// Radiance that a diffuse reflectance of 1 reflects, and the flags of the sample.
-    fn diffuse(&mut self, stream: &Stream, receiver: &Receiver, distance_m: f32) -> (Vec3, u32) {
+    fn diffuse(&self, met: &Met) -> (Vec3, u32) {
         let mut bits = 0;
-        let mut irradiance = self.direct(stream, receiver);
+        let mut irradiance = met.irradiance;
         if let Some(cache) = self.stage.irradiance() {
-            let pixel_m = self.pixel_slope * f64::from(distance_m);
-            let indirect = cache.irradiance(self.stage, receiver, pixel_m);
+            let pixel_m = self.pixel_slope * f64::from(met.hit.t);
+            let indirect = cache.irradiance(self.stage, &met.receiver, pixel_m);
             irradiance += indirect.irradiance;
             if indirect.is_provisional {
                 bits |= flags::PROVISIONAL;

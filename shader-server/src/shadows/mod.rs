@@ -1,7 +1,7 @@
 //! How much of a light a point sees.
 //!
-//! One question, [`Visibility::fraction`], with room for several methods behind it; shadow rays are the one that fits
-//! everything.
+//! One question, [`Visibility::ask`], about any number of receivers at once, with several methods behind it; shadow rays
+//! are the one that fits everything.
 
 mod area;
 mod cover;
@@ -21,8 +21,10 @@ use crate::{
 /// What one question about visibility came to.
 #[derive(Clone, Debug, Default)]
 pub struct Shadows {
-    /// Instances that blocked the light being asked about, each once.
+    /// Instances that blocked the light from the receiver being asked about, each once.
     pub blockers: Vec<u32>,
+    /// What blocked the light being asked about from what: (receiver, blocker) instances, some more than once.
+    pub met: Vec<(u32, u32)>,
     /// Rays traced since this was made.
     pub rays: u64,
     /// Faces that may be between a receiver and a light, as (instance, face).
@@ -36,6 +38,12 @@ impl Shadows {
         if !self.blockers.contains(&instance) {
             self.blockers.push(instance);
         }
+    }
+
+    /// All blockers so far were met on the way to `receiver`, an instance.
+    pub(crate) fn met_from(&mut self, receiver: u32) {
+        let pairs = self.blockers.drain(..).map(|blocker| (receiver, blocker));
+        self.met.extend(pairs);
     }
 }
 
@@ -66,15 +74,29 @@ pub(crate) fn sees_place(
     shadow_rays::sees(stage, receiver, place, instance, shadows)
 }
 
+/// One receiver in a question about a light, and the answer.
+#[derive(Clone, Debug)]
+pub struct Asked {
+    /// The point that light falls on.
+    pub receiver: Receiver,
+    /// Its random numbers for this light.
+    pub stream: Stream,
+    /// Which of the questions of its batch it belongs to: the asker's own number.
+    pub index: usize,
+    /// Irradiance from all of the light for a strength of 1; above zero.
+    pub unoccluded: f32,
+    /// The answer: the share of the light's unoccluded irradiance that reaches the receiver, in [0, 1].
+    pub seen: f32,
+}
+
 /// A way to find out how much of a light can be seen.
+///
+/// What it answers about a receiver is a function of the scene, the light, the receiver and its stream alone, whatever else is
+/// in the batch.
 pub trait Visibility: Send + Sync {
-    /// The share of `light`'s unoccluded irradiance that reaches `receiver`, in [0, 1]. Adds to `shadows` what blocks.
-    fn fraction(
-        &self,
-        stage: &Stage,
-        light: &Emitter,
-        receiver: &Receiver,
-        stream: &mut Stream,
-        shadows: &mut Shadows,
-    ) -> f32;
+    /// Receivers that it likes to be asked about at once: more gain nothing.
+    fn batch(&self) -> usize;
+
+    /// Answers each of `asked` about the light with index `light`. Notes in `shadows` what blocks.
+    fn ask(&self, stage: &Stage, light: usize, asked: &mut [Asked], shadows: &mut Shadows);
 }

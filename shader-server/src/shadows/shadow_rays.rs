@@ -1,7 +1,7 @@
 //! Shadow rays: stratified, adaptive, weighted by what each part of the light contributes.
 
 use glam::DVec3;
-use rays::Ray;
+use rays::{Ray, Recent};
 
 use crate::{
     lights::{Emitter, Receiver, Shape, segment},
@@ -9,7 +9,7 @@ use crate::{
     stage::Stage,
 };
 
-use super::{Shadows, Visibility, area};
+use super::{Asked, Shadows, Visibility, area};
 
 /// Shadow rays stop short of the light by this share of their length, so that what touches the light does not block it.
 pub(super) const STOP_SHORT: f32 = 1e-5;
@@ -40,7 +40,25 @@ impl Default for ShadowRays {
 }
 
 impl Visibility for ShadowRays {
-    fn fraction(
+    fn batch(&self) -> usize {
+        1
+    }
+
+    fn ask(&self, stage: &Stage, light: usize, asked: &mut [Asked], shadows: &mut Shadows) {
+        let emitter = &stage.emitters()[light];
+        for asked in asked {
+            // Which blocker is found must not depend on what was asked before.
+            shadows.recent = Recent::default();
+            let stream = &mut asked.stream;
+            asked.seen = self.fraction(stage, emitter, &asked.receiver, stream, shadows);
+            shadows.met_from(asked.receiver.instance);
+        }
+    }
+}
+
+impl ShadowRays {
+    /// The share of `light`'s unoccluded irradiance that reaches `receiver`, in [0, 1]. Adds to `shadows` what blocks.
+    pub fn fraction(
         &self,
         stage: &Stage,
         light: &Emitter,
