@@ -1,0 +1,312 @@
+//! Leaf after leaf of receivers: all polygons between it and the light are tried on it.
+
+use fearless_simd::{dispatch, prelude::*};
+
+use crate::{
+    blocker::{ALPHA, Blocker},
+    caster::Caster,
+    kernel::{Coefficients, Kernel, View},
+    lanes::{LANES, bits},
+    light::MAX_SAMPLES,
+    predicate::{Pair, horizon},
+    receivers::Leaf,
+    tree::LEAF,
+};
+
+/// Words a mask at most.
+const WORDS: usize = MAX_SAMPLES as usize / 32;
+/// Polygons that are gathered before they are tried.
+const GATHERED: usize = 128;
+/// In place of a part's number: the tree over parts.
+const TOP: u32 = u32::MAX;
+
+/// How much was done.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Polygons that were tried on a leaf of up to sixteen receivers.
+    pub polygons: u64,
+    /// Receivers in the penumbra volume of a polygon.
+    pub pairs: u64,
+    /// Of these, groups whose samples were tried one by one.
+    pub groups: u64,
+    /// Shadow rays.
+    pub rays: u64,
+}
+
+impl Counts {
+    pub(crate) fn add(&mut self, other: &Self) {
+        self.polygons += other.polygons;
+        self.pairs += other.pairs;
+        self.groups += other.groups;
+        self.rays += other.rays;
+    }
+}
+
+/// What a thread needs to cast, kept from leaf to leaf.
+pub(crate) struct Scratch {
+    /// Of the receivers of a leaf.
+    pub(crate) masks: [[u32; WORDS]; LANES],
+    /// Groups that are not dark yet.
+    open: [u32; LANES],
+    coefficients: Coefficients,
+    stack: Vec<(u32, u32)>,
+    gathered: Vec<(u32, u32)>,
+    /// Receiver and group.
+    work: Vec<(u8, u8)>,
+    /// Receiver of the leaf and instance that darkened some of its samples; may repeat.
+    pub(crate) blocked: Vec<(u32, u32)>,
+    pub(crate) counts: Counts,
+}
+
+impl Default for Scratch {
+    fn default() -> Self {
+        Self {
+            masks: [[0; WORDS]; LANES],
+            open: [0; LANES],
+            coefficients: Coefficients::default(),
+            stack: Vec::new(),
+            gathered: Vec::with_capacity(GATHERED + LANES),
+            work: Vec::with_capacity(LANES * WORDS),
+            blocked: Vec::new(),
+            counts: Counts::default(),
+        }
+    }
+}
+
+/// Fills `scratch.masks` for the receivers of a leaf.
+pub(crate) fn cast(caster: &Caster, leaf: &Leaf, scratch: &mut Scratch) {
+    dispatch!(caster.level, simd => {
+        let mut casting = Casting::new(Kernel(simd), caster, leaf, scratch);
+        casting.begin();
+        casting.walk::<false>(u64::MAX);
+    });
+}
+
+/// Counts the polygons and pairs that casting a leaf would come to if nothing got dark, as long as there are at most `most`
+/// pairs.
+pub(crate) fn count(caster: &Caster, leaf: &Leaf, most: u64, scratch: &mut Scratch) -> Counts {
+    let before = std::mem::take(&mut scratch.counts);
+    dispatch!(caster.level, simd => {
+        Casting::new(Kernel(simd), caster, leaf, scratch).walk::<true>(most);
+    });
+    std::mem::replace(&mut scratch.counts, before)
+}
+
+/// Starts masks as the receivers' horizons leave them.
+pub(crate) fn begin(caster: &Caster, leaf: &Leaf, scratch: &mut Scratch) {
+    dispatch!(caster.level, simd => {
+        Casting::new(Kernel(simd), caster, leaf, scratch).begin();
+    });
+}
+
+struct Casting<'a, S> {
+    kernel: Kernel<S>,
+    caster: &'a Caster,
+    leaf: &'a Leaf,
+    view: View,
+    alive: u32,
+    scratch: &'a mut Scratch,
+}
+
+impl<'a, S: Simd> Casting<'a, S> {
+    #[inline(always)]
+    fn new(
+        kernel: Kernel<S>,
+        caster: &'a Caster,
+        leaf: &'a Leaf,
+        scratch: &'a mut Scratch,
+    ) -> Self {
+        Self {
+            kernel,
+            caster,
+            leaf,
+            view: View {
+                planar: caster.light().is_planar(),
+                light: caster.light().bounds,
+                receivers: leaf.bounds,
+            },
+            alive: (1u32 << leaf.len) - 1,
+            scratch,
+        }
+    }
+
+    #[inline(always)]
+    fn begin(&mut self) {
+        let light = self.caster.light();
+        let groups = light.groups();
+        self.scratch.blocked.clear();
+        for lane in 0..self.leaf.len {
+            let normal = self.leaf.normal(lane);
+            let mask = &mut self.scratch.masks[lane][..groups];
+            mask.fill(0);
+            let mut open = u32::MAX >> (32 - groups);
+            if normal != [0.; 3] {
+                let horizon = horizon(self.leaf.point(lane), normal);
+                for (group, word) in mask.iter_mut().enumerate() {
+                    let rows = light.group(self.leaf.set[lane], group);
+                    *word = !self.kernel.above_horizon(self.view.planar, rows, &horizon);
+                    if *word == u32::MAX {
+                        open &= !(1 << group);
+                    }
+                }
+            }
+            self.scratch.open[lane] = open;
+            if open == 0 {
+                self.alive &= !(1 << lane);
+            }
+        }
+    }
+
+    /// Finds the polygons that may block and tries them, or counts them.
+    #[inline(always)]
+    fn walk<const COUNT: bool>(&mut self, most: u64) {
+        let caster = self.caster;
+        if caster.top.nodes.is_empty() {
+            return;
+        }
+        self.scratch.stack.clear();
+        self.scratch.gathered.clear();
+        self.scratch.stack.push((TOP, 0));
+        while let Some((part, index)) = self.scratch.stack.pop() {
+            let top = part == TOP;
+            let tree = if top {
+                &caster.top
+            } else {
+                &caster.parts[part as usize].tree
+            };
+            let node = &tree.nodes[index as usize];
+            let met = self.kernel.node(&self.view, node);
+            for lane in bits(met) {
+                let child = node.children[lane];
+                if child & LEAF == 0 {
+                    self.scratch.stack.push((part, child));
+                } else if top {
+                    let part = caster.top_order[(child & !LEAF) as usize];
+                    self.scratch.stack.push((part, 0));
+                } else {
+                    self.scratch.gathered.push((part, child & !LEAF));
+                }
+            }
+            if self.scratch.gathered.len() >= GATHERED {
+                self.try_gathered::<COUNT>();
+                if self.alive == 0 || (COUNT && self.scratch.counts.pairs > most) {
+                    return;
+                }
+            }
+        }
+        self.try_gathered::<COUNT>();
+    }
+
+    #[inline(always)]
+    fn try_gathered<const COUNT: bool>(&mut self) {
+        let caster = self.caster;
+        for i in 0..self.scratch.gathered.len() {
+            let (part, index) = self.scratch.gathered[i];
+            let blocker = &caster.parts[part as usize].blockers[index as usize];
+            self.scratch.counts.polygons += 1;
+            let lanes = self.kernel.polygon(
+                &self.view,
+                self.leaf,
+                blocker,
+                self.alive,
+                &mut self.scratch.coefficients,
+            );
+            if lanes == 0 {
+                continue;
+            }
+            self.scratch.counts.pairs += u64::from(lanes.count_ones());
+            if !COUNT {
+                self.darken(part, blocker, lanes);
+                if self.alive == 0 {
+                    break;
+                }
+            }
+        }
+        self.scratch.gathered.clear();
+    }
+
+    /// Tries a polygon on the receivers `lanes`: first on groups, then on the samples of those that are partly inside.
+    #[inline(always)]
+    fn darken(&mut self, part: u32, blocker: &Blocker, lanes: u32) {
+        let light = self.caster.light();
+        let planar = self.view.planar;
+        let scratch = &mut *self.scratch;
+        let seen_through = blocker.flags & ALPHA != 0;
+        let mut darkened = 0u32;
+        scratch.work.clear();
+        for lane in bits(lanes) {
+            let conditions = scratch.coefficients.of(lane);
+            let (mut met, mut inside) = (0u32, 0u32);
+            for (i, chunk) in light.chunks.iter().enumerate() {
+                let found = self.kernel.groups(planar, chunk, &conditions);
+                met |= found.0 << (8 * i);
+                inside |= found.1 << (8 * i);
+            }
+            let open = scratch.open[lane];
+            let (mut met, inside) = (met & open, inside & open);
+            if inside != 0 && !seen_through {
+                met &= !inside;
+                for group in bits(inside) {
+                    scratch.masks[lane][group] = u32::MAX;
+                }
+                scratch.open[lane] = open & !inside;
+                darkened |= 1 << lane;
+            }
+            for group in bits(met) {
+                scratch.work.push((lane as u8, group as u8));
+            }
+        }
+        scratch.counts.groups += scratch.work.len() as u64;
+        for &(lane, group) in &scratch.work {
+            let (lane, group) = (lane as usize & (LANES - 1), group as usize);
+            let conditions = scratch.coefficients.of(lane);
+            let rows = light.group(self.leaf.set[lane], group);
+            let word = &mut scratch.masks[lane][group];
+            let mut new = self.kernel.samples(planar, rows, &conditions) & !*word;
+            if seen_through && new != 0 {
+                new = opaque(self.caster, self.leaf, (part, blocker), (lane, group), new);
+            }
+            if new != 0 {
+                *word |= new;
+                darkened |= 1 << lane;
+                if *word == u32::MAX {
+                    scratch.open[lane] &= !(1 << group);
+                }
+            }
+        }
+        for lane in bits(darkened) {
+            let by = (lane as u32, part);
+            if scratch.blocked.last() != Some(&by) {
+                scratch.blocked.push(by);
+            }
+            if scratch.open[lane] == 0 {
+                self.alive &= !(1 << lane);
+            }
+        }
+    }
+}
+
+/// Of the samples `word` that a polygon with holes blocks, those that are met where it is opaque.
+#[cold]
+fn opaque(
+    caster: &Caster,
+    leaf: &Leaf,
+    (part, blocker): (u32, &Blocker),
+    (lane, group): (usize, usize),
+    word: u32,
+) -> u32 {
+    let light = caster.light();
+    let Some(pair) = Pair::new(light, leaf.point(lane), blocker) else {
+        return 0;
+    };
+    let mesh = &caster.instances()[part as usize].mesh;
+    let polygon = caster.polygon(part as usize, blocker);
+    let mut left = 0;
+    for bit in bits(word) {
+        let sample = light.local_sample(leaf.set[lane], (32 * group + bit) as u32);
+        if pair.is_opaque(mesh, polygon, blocker, sample) {
+            left |= 1 << bit;
+        }
+    }
+    left
+}
