@@ -3,17 +3,23 @@
 use std::cell::Cell;
 
 use rayon::prelude::*;
+use rays::World;
 
 use crate::{
     cast::{self, Counts, Scratch},
     caster::Caster,
+    costs::Costs,
     lanes::LANES,
     receivers::{Leaf, Point, Receivers, sort_into_leaves},
-    weigh,
+    shadow_rays, weigh,
 };
 
 /// Receivers a tile, which is cast by one thread.
-const TILE: usize = 16 * LANES;
+const TILE: usize = 32 * LANES;
+/// Leaves after which a tile that found rays cheaper asks again whether they are.
+const ASK_AGAIN: usize = 16;
+/// Casting a leaf is given up when it has cost this many times what rays would.
+const GIVE_UP: f64 = 1.;
 
 thread_local! {
     static SCRATCH: Cell<Option<Box<Scratch>>> = const { Cell::new(None) };
@@ -44,10 +50,22 @@ pub struct Wanted {
     pub pairs: bool,
 }
 
+/// By what way to find out. Rays go to the same samples: masks differ for ties alone, those that pass through an edge.
+#[derive(Clone, Copy, Debug, Default)]
+pub enum Route<'a> {
+    /// Casting.
+    #[default]
+    Cast,
+    /// Rays in a world of the caster's instances, eight together or one by one as [`Costs::packets`] says.
+    Rays(&'a World, Costs),
+    /// Whichever costs a tile of receivers less, by the work that its first leaf was.
+    Cheaper(&'a World, Costs),
+}
+
 impl Caster {
     /// Finds out what each receiver sees of the light. On all threads of the current rayon pool, with the same result for any
     /// number of them.
-    pub fn cast(&self, receivers: &Receivers, wanted: Wanted, seen: &mut Seen) {
+    pub fn cast(&self, receivers: &Receivers, route: Route<'_>, wanted: Wanted, seen: &mut Seen) {
         let groups = self.light().groups();
         seen.begin(self, receivers, wanted);
         let words = if wanted.masks { groups } else { 0 };
@@ -68,6 +86,7 @@ impl Caster {
                 let mut tile = Tile {
                     caster: self,
                     receivers,
+                    route,
                     wanted,
                     pairs: Vec::new(),
                 };
@@ -139,6 +158,7 @@ impl Seen {
 struct Tile<'a> {
     caster: &'a Caster,
     receivers: &'a Receivers,
+    route: Route<'a>,
     wanted: Wanted,
     pairs: Vec<(u32, u32)>,
 }
@@ -152,9 +172,10 @@ impl Tile<'_> {
         scratch: &mut Scratch,
     ) {
         let groups = self.caster.light().groups();
+        let mut rays_left = 0;
         for (i, points) in points.chunks(LANES).enumerate() {
             let leaf = Leaf::new(points);
-            cast::cast(self.caster, &leaf, scratch);
+            self.darken(&leaf, &mut rays_left, scratch);
             for (lane, point) in points.iter().enumerate() {
                 let at = i * LANES + lane;
                 let mask = &scratch.masks[lane][..groups];
@@ -173,6 +194,40 @@ impl Tile<'_> {
         }
         self.pairs.sort_unstable();
         self.pairs.dedup();
+    }
+
+    /// Fills in masks, by rays for the next `rays_left` leaves.
+    fn darken(&self, leaf: &Leaf, rays_left: &mut usize, scratch: &mut Scratch) {
+        let caster = self.caster;
+        let (world, costs, either) = match self.route {
+            Route::Cast => {
+                cast::cast(caster, leaf, (&Costs::TYPICAL, f64::INFINITY), scratch);
+                return;
+            }
+            Route::Rays(world, costs) => (world, costs, false),
+            Route::Cheaper(world, costs) => (world, costs, true),
+        };
+        if either && *rays_left == 0 {
+            let rays = leaf.len * caster.light().sampling().samples as usize;
+            let rays_ns = rays as f64 * costs.ray_ns;
+            let before = scratch.counts;
+            let done = cast::cast(caster, leaf, (&costs, GIVE_UP * rays_ns), scratch);
+            if !done || costs.casting_ns(&scratch.counts.since(&before)) > rays_ns {
+                *rays_left = ASK_AGAIN - 1;
+            }
+            if done {
+                return;
+            }
+        }
+        *rays_left = rays_left.saturating_sub(1);
+        cast::begin(caster, leaf, scratch);
+        shadow_rays::trace(
+            caster,
+            world,
+            (self.receivers, leaf),
+            costs.packets,
+            scratch,
+        );
     }
 
     fn report(&mut self, leaf: &Leaf, scratch: &Scratch) {

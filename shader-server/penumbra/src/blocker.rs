@@ -106,8 +106,32 @@ impl<'a> Placed<'a> {
 
     /// The mesh's places in light space.
     pub(crate) fn positions(&self, light: &Light) -> Vec<[f32; 3]> {
-        let at = |p: &Vec3| light.to_light(self.to_world.transform_point3(p.as_dvec3()));
-        self.mesh.positions.iter().map(at).collect()
+        let positions = self.mesh.positions.iter();
+        positions.map(|p| self.position(*p, light)).collect()
+    }
+
+    fn position(&self, position: Vec3, light: &Light) -> [f32; 3] {
+        light.to_light(self.to_world.transform_point3(position.as_dvec3()))
+    }
+
+    /// A polygon by itself, both sides.
+    pub(crate) fn blocker_alone(
+        &self,
+        (index, polygon): (usize, &Polygon),
+        light: &Light,
+    ) -> Option<Blocker> {
+        let mut alone = *polygon;
+        let mut positions = [[0.; 3]; 4];
+        for (i, corner) in polygon
+            .corners
+            .iter()
+            .enumerate()
+            .filter(|(_, c)| **c != NONE)
+        {
+            positions[i] = self.position(self.mesh.positions[*corner as usize], light);
+            alone.corners[i] = i as u32;
+        }
+        self.blocker((index, &alone), &positions, light, &[])
     }
 
     /// Polygon `index`, unless nothing of it is left or no side of it is [`needed`](Self::needed).

@@ -1,10 +1,12 @@
 //! Leaf after leaf of receivers: all polygons between it and the light are tried on it.
 
 use fearless_simd::{dispatch, prelude::*};
+use rays::{Occluder, Ray};
 
 use crate::{
     blocker::{ALPHA, Blocker},
     caster::Caster,
+    costs::Costs,
     kernel::{Coefficients, Kernel, View},
     lanes::{LANES, bits},
     light::MAX_SAMPLES,
@@ -34,6 +36,16 @@ pub struct Counts {
 }
 
 impl Counts {
+    /// What came on top of `before`.
+    pub(crate) fn since(&self, before: &Self) -> Self {
+        Self {
+            polygons: self.polygons - before.polygons,
+            pairs: self.pairs - before.pairs,
+            groups: self.groups - before.groups,
+            rays: self.rays - before.rays,
+        }
+    }
+
     pub(crate) fn add(&mut self, other: &Self) {
         self.polygons += other.polygons;
         self.pairs += other.pairs;
@@ -55,6 +67,10 @@ pub(crate) struct Scratch {
     work: Vec<(u8, u8)>,
     /// Receiver of the leaf and instance that darkened some of its samples; may repeat.
     pub(crate) blocked: Vec<(u32, u32)>,
+    /// Rays of a receiver, the samples that they go to, and what blocks them.
+    pub(crate) rays: Vec<Ray>,
+    pub(crate) samples: Vec<u32>,
+    pub(crate) found: Vec<Option<Occluder>>,
     pub(crate) counts: Counts,
 }
 
@@ -68,28 +84,27 @@ impl Default for Scratch {
             gathered: Vec::with_capacity(GATHERED + LANES),
             work: Vec::with_capacity(LANES * WORDS),
             blocked: Vec::new(),
+            rays: Vec::new(),
+            samples: Vec::new(),
+            found: Vec::new(),
             counts: Counts::default(),
         }
     }
 }
 
-/// Fills `scratch.masks` for the receivers of a leaf.
-pub(crate) fn cast(caster: &Caster, leaf: &Leaf, scratch: &mut Scratch) {
+/// Fills `scratch.masks` for the receivers of a leaf. Gives up, with masks half done, if that costs more than `most_ns`; says
+/// whether it did not.
+pub(crate) fn cast(
+    caster: &Caster,
+    leaf: &Leaf,
+    (costs, most_ns): (&Costs, f64),
+    scratch: &mut Scratch,
+) -> bool {
     dispatch!(caster.level, simd => {
         let mut casting = Casting::new(Kernel(simd), caster, leaf, scratch);
         casting.begin();
-        casting.walk::<false>(u64::MAX);
-    });
-}
-
-/// Counts the polygons and pairs that casting a leaf would come to if nothing got dark, as long as there are at most `most`
-/// pairs.
-pub(crate) fn count(caster: &Caster, leaf: &Leaf, most: u64, scratch: &mut Scratch) -> Counts {
-    let before = std::mem::take(&mut scratch.counts);
-    dispatch!(caster.level, simd => {
-        Casting::new(Kernel(simd), caster, leaf, scratch).walk::<true>(most);
-    });
-    std::mem::replace(&mut scratch.counts, before)
+        casting.walk(costs, most_ns)
+    })
 }
 
 /// Starts masks as the receivers' horizons leave them.
@@ -157,12 +172,13 @@ impl<'a, S: Simd> Casting<'a, S> {
         }
     }
 
-    /// Finds the polygons that may block and tries them, or counts them.
+    /// Finds the polygons that may block and tries them; says whether that was done before it cost too much.
     #[inline(always)]
-    fn walk<const COUNT: bool>(&mut self, most: u64) {
+    fn walk(&mut self, costs: &Costs, most_ns: f64) -> bool {
         let caster = self.caster;
-        if caster.top.nodes.is_empty() {
-            return;
+        let before = self.scratch.counts;
+        if caster.top.nodes.is_empty() || self.alive == 0 {
+            return true;
         }
         self.scratch.stack.clear();
         self.scratch.gathered.clear();
@@ -188,17 +204,21 @@ impl<'a, S: Simd> Casting<'a, S> {
                 }
             }
             if self.scratch.gathered.len() >= GATHERED {
-                self.try_gathered::<COUNT>();
-                if self.alive == 0 || (COUNT && self.scratch.counts.pairs > most) {
-                    return;
+                self.try_gathered();
+                if self.alive == 0 {
+                    return true;
+                }
+                if costs.casting_ns(&self.scratch.counts.since(&before)) > most_ns {
+                    return false;
                 }
             }
         }
-        self.try_gathered::<COUNT>();
+        self.try_gathered();
+        true
     }
 
     #[inline(always)]
-    fn try_gathered<const COUNT: bool>(&mut self) {
+    fn try_gathered(&mut self) {
         let caster = self.caster;
         for i in 0..self.scratch.gathered.len() {
             let (part, index) = self.scratch.gathered[i];
@@ -215,11 +235,9 @@ impl<'a, S: Simd> Casting<'a, S> {
                 continue;
             }
             self.scratch.counts.pairs += u64::from(lanes.count_ones());
-            if !COUNT {
-                self.darken(part, blocker, lanes);
-                if self.alive == 0 {
-                    break;
-                }
+            self.darken(part, blocker, lanes);
+            if self.alive == 0 {
+                break;
             }
         }
         self.scratch.gathered.clear();

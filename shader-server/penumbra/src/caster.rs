@@ -213,6 +213,13 @@ impl Caster {
         }
     }
 
+    /// A polygon of an instance as the light sees it, both sides.
+    pub(crate) fn blocker(&self, instance: usize, polygon: u32) -> Option<Blocker> {
+        let Instance { mesh, to_world } = self.instances.get(instance)?;
+        let shape = mesh.polygons.get(polygon as usize)?;
+        Placed::new(mesh, to_world).blocker_alone((polygon as usize, shape), &self.light)
+    }
+
     /// The polygon of a blocker in its mesh.
     pub(crate) fn polygon(&self, instance: usize, blocker: &Blocker) -> u32 {
         blocker.key - self.first_keys[instance]

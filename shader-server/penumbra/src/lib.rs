@@ -7,7 +7,7 @@
 //! ```
 //! use std::sync::Arc;
 //! use glam::{Affine3A, Vec3, dvec3, vec3};
-//! use penumbra::{BlockerMesh, Caster, Instance, Light, Receivers, Sampling, Seen, Shape, Wanted};
+//! use penumbra::{BlockerMesh, Caster, Instance, Light, Receivers, Route, Sampling, Seen, Shape, Wanted};
 //!
 //! // A light of a square metre, two metres up, shines down on a small triangle above the receiver.
 //! let corners = vec![dvec3(-0.5, 2., -0.5), dvec3(0.5, 2., -0.5), dvec3(0.5, 2., 0.5), dvec3(-0.5, 2., 0.5)];
@@ -18,7 +18,7 @@
 //! let mut receivers = Receivers::default();
 //! receivers.push(Vec3::ZERO, Vec3::Y, (u32::MAX, 0), 0);
 //! let mut seen = Seen::default();
-//! caster.cast(&receivers, Wanted::default(), &mut seen);
+//! caster.cast(&receivers, Route::Cast, Wanted::default(), &mut seen);
 //! assert!(seen.shares[0] > 0.5 && seen.shares[0] < 0.9);
 //! ```
 
@@ -28,6 +28,7 @@ mod blocker;
 pub mod brute;
 mod cast;
 mod caster;
+mod costs;
 mod kernel;
 mod lanes;
 mod light;
@@ -35,15 +36,17 @@ mod merge;
 mod mesh;
 pub(crate) mod predicate;
 mod receivers;
+mod shadow_rays;
 mod shells;
 mod strata;
 mod tree;
 mod weigh;
 
 pub use alpha::{Alpha, AlphaMap};
-pub use batch::{Seen, Wanted};
+pub use batch::{Route, Seen, Wanted};
 pub use cast::Counts;
 pub use caster::{Caster, Instance};
+pub use costs::Costs;
 pub use light::{Light, LightError, MAX_SAMPLES, MAX_SETS, Sampling, Shape};
 pub use mesh::BlockerMesh;
 pub use receivers::Receivers;

@@ -160,6 +160,8 @@ pub struct Light {
     pub(crate) chunks: Vec<GroupChunk>,
     /// Set after set, two rows a group.
     pub(crate) rows: Vec<SampleRow>,
+    /// The same in world space.
+    places: Vec<Vec3>,
 }
 
 impl Light {
@@ -188,11 +190,18 @@ impl Light {
             group_bounds: vec![Box3::EMPTY; (samples as usize) / GROUP],
             chunks: Vec::new(),
             rows: Vec::new(),
+            places: Vec::new(),
         };
         for set in 0..sets {
             light.add_set(&area, &grid, set);
         }
         light.bound_groups();
+        for set in 0..sets {
+            for sample in 0..samples {
+                let place = light.sample(set, sample).as_vec3();
+                light.places.push(place);
+            }
+        }
         Ok(light)
     }
 
@@ -268,6 +277,12 @@ impl Light {
         let (row, lane) = (sample as usize / LANES, sample as usize % LANES);
         let row = &self.rows[set as usize * self.rows_a_set() + row];
         row.0.map(|values| values[lane])
+    }
+
+    /// The samples of a set in world space.
+    pub(crate) fn places(&self, set: u32) -> &[Vec3] {
+        let samples = self.sampling.samples as usize;
+        &self.places[set as usize * samples..][..samples]
     }
 
     /// The two rows of a group.

@@ -4,11 +4,12 @@ mod scenes;
 
 use std::sync::Arc;
 
-use glam::{Affine3A, DVec3, Vec3, dvec3, vec3};
+use glam::{Affine3A, DVec3, Quat, Vec3, dvec3, vec3};
 use penumbra::{
-    Alpha, AlphaMap, BlockerMesh, Caster, Instance, Light, Receivers, Sampling, Seen, Shape,
-    Wanted, brute, share_of_samples,
+    Alpha, AlphaMap, BlockerMesh, Caster, Costs, Instance, Light, Receivers, Route, Sampling, Seen,
+    Shape, Wanted, brute, share_of_samples,
 };
+use rays::{Ray, TriangleMesh, World};
 use scenes::{Random, cuboid, scene};
 
 const ALL: Wanted = Wanted {
@@ -32,12 +33,12 @@ fn masks_are_those_of_brute_force_to_the_bit() {
         let (caster, receivers) = scene(seed, sampling(samples, 1 + seed as u32 % 8), 60, 150);
         let expected = brute::masks(&caster, &receivers);
         let mut seen = Seen::default();
-        caster.cast(&receivers, ALL, &mut seen);
+        caster.cast(&receivers, Route::Cast, ALL, &mut seen);
         assert!(seen.masks == expected, "seed {seed}");
         caster
             .clone()
             .with_baseline_simd()
-            .cast(&receivers, ALL, &mut seen);
+            .cast(&receivers, Route::Cast, ALL, &mut seen);
         assert!(seen.masks == expected, "seed {seed}, plain instructions");
         let ones: u64 = expected
             .iter()
@@ -64,7 +65,7 @@ fn the_order_of_blockers_and_receivers_and_the_threads_do_not_matter() {
             let mut seen = Seen::default();
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
             pool.expect("threads")
-                .install(|| caster.cast(&receivers, ALL, &mut seen));
+                .install(|| caster.cast(&receivers, Route::Cast, ALL, &mut seen));
             seen
         };
         let first = cast(&faces, 1);
@@ -108,7 +109,7 @@ fn masks_are_true() {
         let to_world = Affine3A::IDENTITY;
         let caster = Caster::new(vec![Instance { mesh, to_world }], light, None);
         let mut seen = Seen::default();
-        caster.cast(&receivers, ALL, &mut seen);
+        caster.cast(&receivers, Route::Cast, ALL, &mut seen);
         let light = caster.light();
         for (i, origin) in receivers.origins.iter().enumerate() {
             let r = origin.as_dvec3();
@@ -186,8 +187,8 @@ fn one_side_of_closed_shells_is_enough_wherever_the_light_is() {
             differing += usize::from(caster.blockers() < both.blockers());
             let receivers = floor_receivers(400, 1.5);
             let (mut one, mut two) = (Seen::default(), Seen::default());
-            caster.cast(&receivers, ALL, &mut one);
-            both.cast(&receivers, ALL, &mut two);
+            caster.cast(&receivers, Route::Cast, ALL, &mut one);
+            both.cast(&receivers, Route::Cast, ALL, &mut two);
             let wrong = one
                 .masks
                 .iter()
@@ -211,8 +212,8 @@ fn neighbours_in_one_plane_are_cast_as_one() {
     );
     let receivers = floor_receivers(2000, 1.);
     let (mut one, mut two) = (Seen::default(), Seen::default());
-    whole.cast(&receivers, ALL, &mut one);
-    cells.cast(&receivers, ALL, &mut two);
+    whole.cast(&receivers, Route::Cast, ALL, &mut one);
+    cells.cast(&receivers, Route::Cast, ALL, &mut two);
     let wrong = one
         .masks
         .iter()
@@ -251,7 +252,7 @@ fn light_does_not_leak_between_neighbours() {
         }
     }
     let mut seen = Seen::default();
-    caster.cast(&receivers, ALL, &mut seen);
+    caster.cast(&receivers, Route::Cast, ALL, &mut seen);
     assert!(seen.masks.iter().all(|word| *word == u32::MAX));
     assert!(seen.shares.iter().all(|share| *share == 0.));
 }
@@ -264,12 +265,12 @@ fn a_small_light_is_a_point_and_one_in_the_receivers_plane_gives_nothing() {
     let caster = caster_of(vec![mesh()], point.expect("a point"));
     let receivers = floor_receivers(500, 2.);
     let mut seen = Seen::default();
-    caster.cast(&receivers, ALL, &mut seen);
+    caster.cast(&receivers, Route::Cast, ALL, &mut seen);
     assert!(seen.shares.iter().all(|share| *share == 0. || *share == 1.));
     assert!(seen.shares.contains(&0.) && seen.shares.contains(&1.));
 
     let coplanar = caster_of(vec![mesh()], square_light(0., 0.5, 32));
-    coplanar.cast(&receivers, ALL, &mut seen);
+    coplanar.cast(&receivers, Route::Cast, ALL, &mut seen);
     assert!(seen.shares.iter().all(|share| *share == 0.));
 }
 
@@ -293,7 +294,7 @@ fn shares_weigh_samples_and_pairs_name_blockers() {
     receivers.push(Vec3::ZERO, Vec3::Y, (7, 0), 0);
     receivers.push(Vec3::ZERO, vec3(-1., 1., 0.).normalize(), (8, 0), 1);
     let mut seen = Seen::default();
-    caster.cast(&receivers, ALL, &mut seen);
+    caster.cast(&receivers, Route::Cast, ALL, &mut seen);
     assert!((share_of_samples(&seen.masks[..32]) - 0.5).abs() < 0.01);
     assert!((seen.shares[0] - 0.5).abs() < 0.01);
     // Turned to the open half, more of what arrives comes from there.
@@ -331,12 +332,17 @@ fn moved_instances_and_lights_cast_from_where_they_are() {
     instances[2].to_world = to_world;
     let fresh = Caster::new(instances.clone(), caster.light().clone(), None);
     let (mut moved, mut expected) = (Seen::default(), Seen::default());
-    caster.cast(&receivers, ALL, &mut moved);
-    fresh.cast(&receivers, ALL, &mut expected);
+    caster.cast(&receivers, Route::Cast, ALL, &mut moved);
+    fresh.cast(&receivers, Route::Cast, ALL, &mut expected);
     assert!(moved.masks == expected.masks && moved.pairs == expected.pairs);
     caster.set_light(other.light().clone());
-    caster.cast(&receivers, ALL, &mut moved);
-    Caster::new(instances, other.light().clone(), None).cast(&receivers, ALL, &mut expected);
+    caster.cast(&receivers, Route::Cast, ALL, &mut moved);
+    Caster::new(instances, other.light().clone(), None).cast(
+        &receivers,
+        Route::Cast,
+        ALL,
+        &mut expected,
+    );
     assert!(moved.masks == expected.masks);
 }
 
@@ -356,12 +362,12 @@ fn numbers_that_are_not_finite_harm_nobody() {
     assert_eq!(caster.blockers(), 1);
     let mut receivers = floor_receivers(20, 1.);
     let mut expected = Seen::default();
-    caster.cast(&receivers, ALL, &mut expected);
+    caster.cast(&receivers, Route::Cast, ALL, &mut expected);
     receivers.push(vec3(f32::NAN, 0., 0.), Vec3::Y, (0, 0), 0);
     receivers.push(Vec3::ZERO, vec3(f32::INFINITY, 0., 0.), (0, 0), 255);
     receivers.push(vec3(0., f32::NEG_INFINITY, 0.), Vec3::Y, (0, 0), 0);
     let mut seen = Seen::default();
-    caster.cast(&receivers, ALL, &mut seen);
+    caster.cast(&receivers, Route::Cast, ALL, &mut seen);
     assert_eq!(seen.shares[..20], expected.shares);
     assert!(seen.shares[20..].iter().all(|share| *share == 0.));
 }
@@ -416,8 +422,8 @@ fn holes_in_alpha_maps_let_samples_through() {
         let two = Caster::new(vec![place(&cut)], light, None);
         let receivers = floor_receivers(500, 1.5);
         let (mut a, mut b) = (Seen::default(), Seen::default());
-        one.cast(&receivers, ALL, &mut a);
-        two.cast(&receivers, ALL, &mut b);
+        one.cast(&receivers, Route::Cast, ALL, &mut a);
+        two.cast(&receivers, Route::Cast, ALL, &mut b);
         assert!(a.masks == brute::masks(&one, &receivers));
         let wrong = a
             .masks
@@ -429,4 +435,104 @@ fn holes_in_alpha_maps_let_samples_through() {
         let mean = a.shares.iter().sum::<f32>() / 500.;
         assert!(mean > 0.3 && mean < 0.9, "{mean}");
     }
+}
+
+/// Turned boxes above a floor, the world of the same meshes, and receivers on both.
+fn boxes_with_rays(samples: u32) -> (Caster, World, Receivers) {
+    let mut random = Random(77);
+    let (mut instances, mut world) = (Vec::new(), Vec::new());
+    for _ in 0..40 {
+        let low = random.point(vec3(-2., 0.2, -2.), vec3(1.6, 1.5, 1.6));
+        let (positions, faces) = cuboid(
+            low,
+            low + random.point(Vec3::splat(0.05), Vec3::splat(0.5)),
+            3,
+        );
+        let turn = Quat::from_rotation_y(random.between(0., 3.));
+        let to_world = Affine3A::from_rotation_translation(turn, Vec3::ZERO);
+        let mesh = Arc::new(BlockerMesh::new(&positions, &faces));
+        instances.push(Instance { mesh, to_world });
+        world.push((Arc::new(TriangleMesh::build(&positions, &faces)), to_world));
+    }
+    let caster = Caster::new(instances, square_light(4., 0.5, samples), None);
+    let world = World::new(world);
+    let mut receivers = floor_receivers(3000, 2.5);
+    for _ in 0..3000 {
+        let origin = random.point(vec3(-2., 0., -2.), vec3(2., 3., 2.));
+        let ray = Ray {
+            origin,
+            direction: Vec3::NEG_Y,
+        };
+        if let Some(hit) = world.closest(&ray, f32::INFINITY) {
+            let origin = ray.at(hit.t - 1e-4);
+            receivers.push(
+                origin,
+                Vec3::Y,
+                (hit.instance, hit.face),
+                random.below(4) as u8,
+            );
+        }
+    }
+    (caster, world, receivers)
+}
+
+#[test]
+fn rays_find_the_same_and_so_does_whatever_is_cheaper() {
+    let (caster, world, receivers) = boxes_with_rays(128);
+    let mut cast = Seen::default();
+    caster.cast(&receivers, Route::Cast, ALL, &mut cast);
+    let mean = cast.shares.iter().sum::<f32>() / cast.shares.len() as f32;
+    assert!(mean > 0.2 && mean < 0.9, "{mean}");
+    let cheap = |ray_ns, packets| Costs {
+        ray_ns,
+        packets,
+        ..Costs::TYPICAL
+    };
+    let measured = Costs::measured(&caster, &world, &receivers);
+    assert!(
+        measured.ray_ns > 1. && measured.pair_ns > 0.1,
+        "{measured:?}"
+    );
+    let mut mixed = 0;
+    for route in [
+        Route::Rays(&world, cheap(1., true)),
+        Route::Rays(&world, cheap(1., false)),
+        Route::Cheaper(&world, cheap(2., true)),
+        Route::Cheaper(&world, measured),
+    ] {
+        let mut seen = Seen::default();
+        caster.cast(&receivers, route, ALL, &mut seen);
+        let wrong = cast
+            .masks
+            .iter()
+            .zip(&seen.masks)
+            .map(|(a, b)| (a ^ b).count_ones());
+        let wrong = wrong.sum::<u32>();
+        assert!(
+            wrong < 40,
+            "{wrong} of {} by {:?}",
+            128 * receivers.len(),
+            seen.counts
+        );
+        let all = (128 * receivers.len()) as u64;
+        mixed += usize::from(seen.counts.rays > all / 20 && seen.counts.pairs > 1000);
+        let told = seen
+            .pairs
+            .iter()
+            .filter(|pair| cast.pairs.contains(pair))
+            .count();
+        assert!(
+            told * 10 > 7 * cast.pairs.len(),
+            "{told} of {}",
+            cast.pairs.len()
+        );
+    }
+    assert!(mixed > 0, "no batch took both ways");
+    caster.cast(
+        &receivers,
+        Route::Cheaper(&world, cheap(1e9, true)),
+        ALL,
+        &mut cast,
+    );
+    assert_eq!(cast.counts.rays, 0);
 }
