@@ -119,7 +119,7 @@ mod tests {
     #[test]
     fn unknown_variants_and_bad_text_are_refused() {
         assert!(matches!(
-            decode::<ToServer>(&[10, 0, 0, 0]),
+            decode::<ToServer>(&[11, 0, 0, 0]),
             Err(DecodeError::Invalid(_))
         ));
         let mut bytes = encode(&"é").unwrap();

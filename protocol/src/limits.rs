@@ -10,6 +10,8 @@ pub const MAX_BATCH: u32 = 32_768;
 pub const MAX_TRIPLES: usize = 65_536;
 /// Most objects, and most lights, in one `Edit`.
 pub const MAX_MOVES: usize = 16_384;
+/// Most lights in one `Shadows` from a server.
+pub const MAX_SHADOWS: usize = 1024;
 /// Largest credit that a server may offer.
 pub const MAX_CREDITS: u32 = 1 << 20;
 /// Longest program, shader, material or object name, bytes of UTF-8.
@@ -64,6 +66,8 @@ pub const PING_TIMEOUT_S: u64 = 10;
 const _: () = assert!(16 + 40 * MAX_BATCH as usize <= MAX_FRAME);
 const _: () = assert!(16 + 12 * MAX_TRIPLES <= MAX_FRAME);
 const _: () = assert!(24 + 52 * MAX_MOVES <= MAX_FRAME);
+const _: () = assert!(12 + (16 + MAX_NAME) * MAX_SHADOWS <= MAX_FRAME);
+const _: () = assert!(16 + 4 * MAX_LIGHTS <= MAX_FRAME);
 const _: () = assert!(12 + crate::scene::MAX_CHUNK <= MAX_FRAME);
 
 /// Brings radiance into what the protocol allows: not-a-number and negative channels become 0, larger ones than

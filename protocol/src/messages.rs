@@ -5,10 +5,13 @@ use serde::{Deserialize, Serialize};
 use crate::scene::{Affine, Light};
 
 /// Protocol version that this crate speaks; the handshake settles on one that both sides know.
-pub const VERSION: u16 = 2;
+pub const VERSION: u16 = 3;
 
 /// First version with [`ToDisplay::Textured`].
 pub const TEXTURED_VERSION: u16 = 2;
+
+/// First version with [`ToServer::Shadows`] and [`ToDisplay::Shadows`].
+pub const SHADOWS_VERSION: u16 = 3;
 
 /// BLAKE3 digest of a scene's encoded bytes.
 pub type Digest = [u8; 32];
@@ -146,6 +149,31 @@ pub struct Capabilities {
     pub threads: u32,
 }
 
+/// A way to find out how much of a light can be seen from where.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub enum ShadowMethod {
+    /// The cheapest that keeps the error wanted. Something to be wished for, never an answer.
+    #[default]
+    Auto,
+    /// Shadow rays, stratified and adaptive.
+    Rays,
+    /// Hierarchical penumbra casting.
+    Penumbra,
+    /// Soft shadow maps.
+    SoftMap,
+}
+
+/// How the visibility of a light is found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LightShadows {
+    /// Index of the light.
+    pub light: u32,
+    /// The method; not [`ShadowMethod::Auto`].
+    pub method: ShadowMethod,
+    /// Why, in one line for people.
+    pub why: String,
+}
+
 /// Display to server. The order of variants is part of the wire format: append only.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum ToServer {
@@ -214,6 +242,15 @@ pub enum ToServer {
         code: FaultCode,
         /// One line for people.
         text: String,
+    },
+    /// How the visibility of lights is wanted, from version 3 on: at most once, after [`ToDisplay::Welcome`] and before
+    /// [`Self::SceneBegin`]. A wish: a server without the method uses another.
+    Shadows {
+        /// Error that [`ShadowMethod::Auto`] may make: root mean square over a light's penumbrae, as a share of the light in
+        /// full view. In [0, 1].
+        error: f32,
+        /// By index of the light; those past the end are [`ShadowMethod::Auto`].
+        methods: Vec<ShadowMethod>,
     },
 }
 
@@ -305,5 +342,10 @@ pub enum ToDisplay {
         epoch: u32,
         /// The samples, each id one that is outstanding.
         samples: Vec<TexturedSample>,
+    },
+    /// How the visibility of lights is found, from version 3 on: lights whose method is chosen or has changed, each once.
+    Shadows {
+        /// The lights.
+        lights: Vec<LightShadows>,
     },
 }

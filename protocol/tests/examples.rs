@@ -268,6 +268,20 @@ fn to_server_examples() -> Vec<Example> {
             vec![bytes(7u32, "Ping"), bytes(9u64, "token")],
         ),
         example("goodbye", &ToServer::Goodbye, vec![bytes(8u32, "Goodbye")]),
+        example(
+            "shadows-to-server",
+            &ToServer::Shadows {
+                error: 0.0625,
+                methods: vec![ShadowMethod::Auto, ShadowMethod::Penumbra],
+            },
+            vec![
+                bytes(10u32, "Shadows"),
+                bytes(0.0625f32, "error"),
+                bytes(2u64, "methods: count"),
+                bytes(0u32, "methods[0]: Auto"),
+                bytes(2u32, "methods[1]: Penumbra"),
+            ],
+        ),
         example("fault-to-server", &fault, fault_parts),
     ]
 }
@@ -329,6 +343,20 @@ fn to_display_examples() -> Vec<Example> {
         rays: 250,
         cancelled_before: 2,
     };
+    let shadows = ToDisplay::Shadows {
+        lights: vec![LightShadows {
+            light: 0,
+            method: ShadowMethod::Rays,
+            why: "a point".into(),
+        }],
+    };
+    let mut shadows_parts = vec![
+        bytes(8u32, "Shadows"),
+        bytes(1u64, "lights: count"),
+        bytes(0u32, "lights[0].light"),
+        bytes(1u32, "method: Rays"),
+    ];
+    shadows_parts.extend(text("a point"));
     vec![
         example("welcome", &welcome, welcome_parts),
         example(
@@ -407,6 +435,7 @@ fn to_display_examples() -> Vec<Example> {
                 bytes(texel.reflected, "reflected"),
             ],
         ),
+        example("shadows-to-display", &shadows, shadows_parts),
     ]
 }
 

@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use protocol::messages::ShadowMethod;
 
 use crate::config::Choices;
 use crate::show::Show;
@@ -51,12 +52,42 @@ pub struct ServerArgs {
     /// Threads of each shader server that is started (default: all cores, shared among them; all but one with a window)
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub shader_threads: Option<u16>,
+    /// How servers find the visibility of every light, whatever the scene says of each
+    #[arg(long, value_enum, value_name = "METHOD")]
+    pub shadows: Option<Shadows>,
+    /// Error that `--shadows auto` may make: root mean square over a light's penumbrae, as a share of the light in full view
+    #[arg(long, default_value_t = 0.02, value_name = "SHARE", value_parser = parse_share)]
+    pub shadow_error: f32,
     /// The shader server that is built in takes equally many shadow rays everywhere: noisier, and right on average.
     #[arg(skip)]
     pub even_shadow_rays: bool,
     /// The shader server that is built in answers no sample before its indirect light is computed.
     #[arg(skip)]
     pub wait_for_records: bool,
+}
+
+/// How the visibility of lights is found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Shadows {
+    /// The cheapest that keeps the error of `--shadow-error`
+    Auto,
+    /// Shadow rays, stratified and adaptive
+    Rays,
+    /// Hierarchical penumbra casting
+    Penumbra,
+    /// Soft shadow maps
+    SoftMap,
+}
+
+impl From<Shadows> for ShadowMethod {
+    fn from(shadows: Shadows) -> Self {
+        match shadows {
+            Shadows::Auto => Self::Auto,
+            Shadows::Rays => Self::Rays,
+            Shadows::Penumbra => Self::Penumbra,
+            Shadows::SoftMap => Self::SoftMap,
+        }
+    }
 }
 
 /// Options of the window.
@@ -211,6 +242,13 @@ fn parse_write(text: &str) -> Result<Write, String> {
             Some(Ok(n)) if n > 0 => Ok(Write::Every(n)),
             _ => Err("give all, last, none or every:N with N at least 1".into()),
         },
+    }
+}
+
+fn parse_share(text: &str) -> Result<f32, String> {
+    match text.parse() {
+        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
+        _ => Err("give a share from 0 to 1, such as 0.02".into()),
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use protocol::messages::{LightShadows, ShadowMethod};
 use protocol::scene::{Light, Model, Scene};
 use serde::Serialize;
 
@@ -65,13 +66,16 @@ pub struct Explanation {
     pub creases: usize,
     /// By index in the scene.
     pub lights: Vec<LightFacts>,
+    /// How a server finds the visibility of lights, by their index, as far as one said.
+    pub shadows: Vec<LightShadows>,
 }
 
 impl Explanation {
-    /// Of the frame that a display of this scene drew last.
-    pub fn of(display: &Display, scene: &Scene) -> Self {
+    /// Of the frame that a display of this scene drew last, and of what a server said about lights.
+    pub fn of(display: &Display, scene: &Scene, shadows: &[LightShadows]) -> Self {
         let stage = display.edge_stage();
         let choices = stage.choices();
+        let told = shadows.to_vec();
         let shadows = stage.shadows().filter(|_| choices.edges());
         let lights = display.placed().lights().iter().enumerate();
         let lights = lights.map(|(index, light)| {
@@ -91,6 +95,7 @@ impl Explanation {
             effort: stage.effort(),
             creases: shadows.map_or(0, |s| s.meets().len()),
             lights: lights.collect(),
+            shadows: told,
         }
     }
 }
@@ -118,9 +123,22 @@ impl fmt::Display for Explanation {
         self.tell_scene(f)?;
         for (index, light) in self.lights.iter().enumerate() {
             light.tell(index, self.worth, f)?;
+            if let Some(told) = self.shadows.iter().find(|s| s.light as usize == index) {
+                tell_shadows(told, f)?;
+            }
         }
         Ok(())
     }
+}
+
+fn tell_shadows(told: &LightShadows, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+    let method = match told.method {
+        ShadowMethod::Auto => "chosen by the server",
+        ShadowMethod::Rays => "shadow rays",
+        ShadowMethod::Penumbra => "penumbra casting",
+        ShadowMethod::SoftMap => "soft shadow maps",
+    };
+    writeln!(f, "  visibility: {method}: {}", told.why)
 }
 
 impl Explanation {

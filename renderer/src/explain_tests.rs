@@ -1,7 +1,7 @@
 use super::*;
 use crate::camera::View;
 use crate::config::Method;
-use protocol::messages::{Camera, Triple};
+use protocol::messages::{Camera, LightShadows, ShadowMethod, Triple};
 
 /// A box above a plane, under a point light, a linear one, an area light and an area light without area.
 const SCENE: &str = r#"
@@ -72,7 +72,12 @@ fn explanation(choices: Choices, frames: usize) -> (Explanation, Display) {
     for _ in 0..frames {
         display.draw(&view, 1);
     }
-    (Explanation::of(&display, &scene), display)
+    let told = [LightShadows {
+        light: 1,
+        method: ShadowMethod::SoftMap,
+        why: "it is a line".into(),
+    }];
+    (Explanation::of(&display, &scene, &told), display)
 }
 
 #[test]
@@ -164,6 +169,10 @@ fn the_text_holds_the_facts() {
     );
     let parts: Vec<&str> = text.split("\nlight ").collect();
     assert_eq!(parts.len(), 5, "{text}");
+    let told = "visibility: soft shadow maps: it is a line";
+    for (light, part) in parts[1..].iter().enumerate() {
+        assert_eq!(part.contains(told), light == 1, "{text}");
+    }
     for (part, light) in parts[1..].iter().zip(&chosen.lights) {
         let Tally {
             drawn,

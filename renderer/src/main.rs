@@ -55,6 +55,7 @@ fn show(args: &WindowArgs) -> Result<()> {
         camera: &loaded.camera,
         path: loaded.paths.first(),
         motions: &loaded.motions,
+        shadows: &loaded.shadows,
     };
     match window::run(subject, args) {
         Err(WindowError::NoDisplay(why)) => {
@@ -78,6 +79,7 @@ fn render(loaded: LoadedScene, args: &RenderArgs) -> Result<()> {
         camera,
         paths,
         motions,
+        shadows,
         ..
     } = loaded;
     let scene = Arc::new(scene);
@@ -88,7 +90,7 @@ fn render(loaded: LoadedScene, args: &RenderArgs) -> Result<()> {
             || matches!(args.choices.method, Method::Full | Method::Reference),
         ..args.servers.clone()
     };
-    let mut servers = Servers::start(&server_args, &scene, args.seed, pixels, None)?;
+    let mut servers = Servers::start(&server_args, &scene, &shadows, args.seed, pixels, None)?;
     let subject = Subject {
         scene: &scene,
         camera: &camera,

@@ -5,13 +5,13 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
-use protocol::messages::{Camera, SampleRequest, Triple};
+use protocol::messages::{Camera, LightShadows, SampleRequest, ShadowMethod, Triple};
 use protocol::scene::Scene;
 
 use crate::cli::ServerArgs;
 use crate::frame::{Edit, Received};
 use crate::link::{
-    Link, LinkConfig, LinkError, LinkStatus, ReceivedSample, ServerSource, WaitOutcome,
+    Link, LinkConfig, LinkError, LinkStatus, ReceivedSample, ServerSource, ShadowWish, WaitOutcome,
 };
 
 /// Longest that a lockstep frame waits for its samples.
@@ -52,13 +52,14 @@ pub struct Servers {
 
 impl Servers {
     /// Starts or connects to the servers that the arguments name; by default this program, run again as one. `pixels` is
-    /// the size of the pictures, `waker` is called from another thread when samples come.
+    /// the size of the pictures, `shadows` how the scene wants the visibility of its lights found, `waker` is called from another thread when samples come.
     ///
     /// # Errors
     /// If the arguments or the scene cannot be used; a server that cannot be reached is none.
     pub fn start(
         args: &ServerArgs,
         scene: &Arc<Scene>,
+        shadows: &[ShadowMethod],
         seed: u64,
         pixels: usize,
         waker: Option<Box<dyn Fn() + Send + Sync>>,
@@ -66,6 +67,13 @@ impl Servers {
         let mut config = LinkConfig::new(sources(args)?, seed);
         config.capacity = config.capacity.max(2 * pixels);
         config.waker = waker;
+        config.shadows = ShadowWish {
+            error: args.shadow_error,
+            methods: match args.shadows {
+                Some(method) => vec![method.into(); scene.lights.len()],
+                None => shadows.to_vec(),
+            },
+        };
         let link = Link::start(config, Arc::clone(scene))?;
         Ok(Self {
             link,
@@ -181,6 +189,13 @@ impl Servers {
     /// Light-blocker-receiver triples that servers have met.
     pub fn triples(&self) -> usize {
         self.triples.len()
+    }
+
+    /// How a server finds the visibility of lights, if one said so.
+    pub fn shadows(&self) -> Vec<LightShadows> {
+        let servers = self.link.servers();
+        let told = servers.iter().find(|server| !server.shadows.is_empty());
+        told.map_or_else(Vec::new, |server| server.shadows.to_vec())
     }
 
     /// How the link is doing.

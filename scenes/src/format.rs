@@ -68,6 +68,19 @@ pub(crate) struct LightTable {
     pub(crate) intensity: Option<[f32; 3]>,
     pub(crate) vertices: Option<Vec<[f32; 3]>>,
     pub(crate) radiance: Option<[f32; 3]>,
+    #[serde(default)]
+    pub(crate) shadows: ShadowsName,
+}
+
+/// How the visibility of a light is wanted to be found.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub(crate) enum ShadowsName {
+    #[default]
+    Auto,
+    Rays,
+    Penumbra,
+    SoftMap,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]

@@ -3,11 +3,12 @@
 use std::path::Path;
 
 use glam::{DMat3, DVec3};
+use protocol::messages::ShadowMethod;
 use protocol::scene::{Light, Model, Scene, Shading};
 
 use crate::assemble::Assembler;
 use crate::error::{ErrorKind, SceneError};
-use crate::format::{CameraTable, ModelName, SceneFile};
+use crate::format::{CameraTable, ModelName, SceneFile, ShadowsName};
 use crate::lights::{color, finite, light};
 use crate::loaders;
 use crate::motion::Motion;
@@ -33,6 +34,8 @@ pub struct CameraSpec {
 pub struct LoadedScene {
     /// What shader servers are sent.
     pub scene: Scene,
+    /// How the visibility of each light is wanted to be found, by index; those past the end: as seems best.
+    pub shadows: Vec<ShadowMethod>,
     /// Where the camera starts.
     pub camera: CameraSpec,
     /// Ways of the camera through the scene, in file order.
@@ -128,8 +131,15 @@ pub(crate) fn load_text(text: &str, file: &Path) -> Result<LoadedScene, SceneErr
             .map_err(at(p.span().start))?;
     }
     let Paths { cameras, motions } = paths;
+    let shadows = table.light.iter().map(|l| match l.get_ref().shadows {
+        ShadowsName::Auto => ShadowMethod::Auto,
+        ShadowsName::Rays => ShadowMethod::Rays,
+        ShadowsName::Penumbra => ShadowMethod::Penumbra,
+        ShadowsName::SoftMap => ShadowMethod::SoftMap,
+    });
     Ok(LoadedScene {
         scene,
+        shadows: shadows.collect(),
         camera,
         paths: cameras,
         motions,
@@ -156,6 +166,7 @@ fn load_mesh(path: &Path) -> Result<LoadedScene, SceneError> {
     }
     Ok(LoadedScene {
         scene,
+        shadows: Vec::new(),
         camera,
         paths: Vec::from_iter(through(&setting.cameras)),
         motions: Vec::new(),

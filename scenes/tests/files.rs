@@ -160,3 +160,24 @@ fn meshes_named_twice_are_stored_once() {
         [0, 0, 1]
     );
 }
+
+#[test]
+fn lights_say_how_their_shadows_are_wanted() {
+    use protocol::messages::ShadowMethod::{Auto, Penumbra, Rays, SoftMap};
+    let dir = Dir::new();
+    let light = |key: &str| {
+        format!("[[light]]\nkind = 'point'\nposition = [0, 1, 0]\nintensity = [1, 1, 1]\n{key}\n")
+    };
+    let keys = ["", "'auto'", "'rays'", "'penumbra'", "'soft-map'"];
+    let text: String = keys
+        .iter()
+        .map(|name| match *name {
+            "" => light(""),
+            name => light(&format!("shadows = {name}")),
+        })
+        .collect();
+    let loaded = dir.load("s.toml", &text).unwrap();
+    assert_eq!(loaded.shadows, [Auto, Auto, Rays, Penumbra, SoftMap]);
+    let error = dir.load("bad.toml", light("shadows = 'maps'")).unwrap_err();
+    assert_eq!(error.line, Some(5), "{error}");
+}

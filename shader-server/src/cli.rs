@@ -15,7 +15,7 @@ use tokio::net::TcpListener;
 use crate::{
     irradiance::Patience,
     server::{ServerConfig, run},
-    shadows::ShadowRays,
+    shadows::{ShadowOptions, ShadowRays},
 };
 
 /// Exit code for what the user can mend.
@@ -62,6 +62,17 @@ enum ShadowMethod {
     SoftMap,
 }
 
+impl From<ShadowMethod> for protocol::messages::ShadowMethod {
+    fn from(method: ShadowMethod) -> Self {
+        match method {
+            ShadowMethod::Auto => Self::Auto,
+            ShadowMethod::Rays => Self::Rays,
+            ShadowMethod::Penumbra => Self::Penumbra,
+            ShadowMethod::SoftMap => Self::SoftMap,
+        }
+    }
+}
+
 /// Runs the server as the program `shader-server` does: `args` begin with the program's name. The first line on standard
 /// output is `listening on ADDR`. Returns when told to stop (interrupt, or standard input's end with
 /// `--parent-stdin`); exit code 2 means that the command line or the address is to be mended.
@@ -103,13 +114,16 @@ fn serve(args: &Args) -> anyhow::Result<()> {
     }
     let config = ServerConfig {
         threads: args.threads,
-        shadows: ShadowRays {
-            max_rays: args.shadow_rays,
-            strata: args.light_strata,
-            drawn_faces: match args.shadows {
-                ShadowMethod::Rays => 0,
-                _ => ShadowRays::default().drawn_faces,
+        shadows: ShadowOptions {
+            rays: ShadowRays {
+                max_rays: args.shadow_rays,
+                strata: args.light_strata,
+                drawn_faces: match args.shadows {
+                    ShadowMethod::Rays => 0,
+                    _ => ShadowRays::default().drawn_faces,
+                },
             },
+            method: args.shadows.into(),
         },
         patience: if args.wait_for_records {
             Patience::Final

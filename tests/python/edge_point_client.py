@@ -254,6 +254,7 @@ def self_test():
         "ping": wire.ping(9),
         "goodbye": wire.goodbye(),
         "fault-to-server": wire.fault(4, "NaN"),
+        "shadows-to-server": wire.shadows(0.0625, [0, 2]),
     }
     wrong = [name for name, payload in packed.items() if shown.get(name) != wire.frame(payload)]
     if shown.get("scene") != scene:
@@ -273,6 +274,7 @@ def self_test():
         "triples": ("Triples", {"epoch": 0, "triples": [(0, 0, 0)]}),
         "status": ("Status", {"queued": 3, "traced": 100, "rays": 250, "cancelled_before": 2}),
         "pong": ("Pong", {"token": 9}),
+        "shadows-to-display": ("Shadows", {"lights": [(0, 1, "a point")]}),
         "fault-to-display": ("Fault", {"code": "Limit", "text": "too many"}),
     }
     for name, message in unpacked.items():

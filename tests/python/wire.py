@@ -94,6 +94,10 @@ def fault(code, message):
     return u32(9) + u32(code) + text(message)
 
 
+def shadows(error, methods):
+    return u32(10) + floats(error) + listing([u32(method) for method in methods])
+
+
 def point_light(position, intensity):
     return u32(0) + floats(*position, *intensity)
 
@@ -186,6 +190,10 @@ def _textured(r):
     }
 
 
+def _shadows(r):
+    return {"lights": [(r.unpack("I"), r.unpack("I"), r.text()) for _ in range(r.count(16))]}
+
+
 def _triples(r):
     return {"epoch": r.unpack("I"), "triples": [r.unpack("3I") for _ in range(r.count(12))]}
 
@@ -213,6 +221,7 @@ TO_DISPLAY = (
     ("Pong", lambda r: {"token": r.unpack("Q")}),
     ("Fault", _fault),
     ("Textured", _textured),
+    ("Shadows", _shadows),
 )
 
 

@@ -5,8 +5,8 @@ use std::collections::HashMap;
 use super::Violation;
 use crate::handshake::accept_version;
 use crate::messages::{
-    Capabilities, Digest, FaultCode, Sample, SampleRequest, TEXTURED_VERSION, TexturedSample,
-    ToDisplay, Triple, flags,
+    Capabilities, Digest, FaultCode, LightShadows, SHADOWS_VERSION, Sample, SampleRequest,
+    TEXTURED_VERSION, TexturedSample, ToDisplay, Triple, flags,
 };
 use crate::scene::Scene;
 
@@ -47,6 +47,8 @@ pub enum DisplayEvent {
     Samples,
     /// The message's triples are good.
     Triples,
+    /// The message's lights are the scene's.
+    Shadows,
     /// So many requests were dropped by the server, as asked.
     Status {
         /// Requests whose credit came back.
@@ -128,6 +130,11 @@ impl DisplaySession {
     /// Whether views and requests may be sent.
     pub fn is_ready(&self) -> bool {
         self.phase == Phase::Ready
+    }
+
+    /// Whether the server knows [`crate::ToServer::Shadows`].
+    pub fn takes_shadows(&self) -> bool {
+        self.version >= SHADOWS_VERSION
     }
 
     /// Requests that the server holds.
@@ -260,6 +267,10 @@ impl DisplaySession {
                     .try_for_each(|triple| self.check_triple(triple))?;
                 Ok(DisplayEvent::Triples)
             }
+            ToDisplay::Shadows { lights } => {
+                self.check_shadows(lights)?;
+                Ok(DisplayEvent::Shadows)
+            }
             ToDisplay::Status {
                 cancelled_before, ..
             } => self.status(*cancelled_before),
@@ -347,6 +358,21 @@ impl DisplaySession {
             )));
         }
         Ok(())
+    }
+
+    fn check_shadows(&self, lights: &[LightShadows]) -> Result<(), Violation> {
+        if !self.takes_shadows() {
+            let text = format!("version {} has no Shadows", self.version);
+            return Err(out_of_order(text));
+        }
+        self.expect(Phase::Ready, "Shadows")?;
+        match lights.iter().find(|l| l.light as usize >= self.size.lights) {
+            Some(past) => Err(value(format!(
+                "light {} is past the scene's table",
+                past.light
+            ))),
+            None => Ok(()),
+        }
     }
 
     fn check_triple(&self, triple: &Triple) -> Result<(), Violation> {

@@ -6,7 +6,8 @@ use super::Violation;
 use crate::handshake::choose_version;
 use crate::limits::MAX_VIEWS;
 use crate::messages::{
-    Camera, Capabilities, Digest, FaultCode, LightMove, ObjectMove, SampleRequest, ToServer,
+    Camera, Capabilities, Digest, FaultCode, LightMove, ObjectMove, SHADOWS_VERSION, SampleRequest,
+    ShadowMethod, ToServer,
 };
 use crate::scene::{Light, Scene};
 use crate::transfer::Assembler;
@@ -29,6 +30,13 @@ pub enum ServerEvent {
     /// All bytes of a scene are there: finish and build it, call [`ServerSession::scene_built`], answer with
     /// `SceneReady`.
     Scene(Digest, Assembler),
+    /// How the visibility of lights is wanted, in the scene that comes next.
+    Shadows {
+        /// Error that may be made.
+        error: f32,
+        /// By index of the light; there may be fewer than lights, or more.
+        methods: Vec<ShadowMethod>,
+    },
     /// Nothing to do yet.
     More,
     /// A new view.
@@ -83,6 +91,8 @@ enum Phase {
 #[derive(Debug)]
 pub struct ServerSession {
     phase: Phase,
+    version: u16,
+    shadows_told: bool,
     offer: Capabilities,
     holds: Vec<Digest>,
     scene_limit: u64,
@@ -101,6 +111,8 @@ impl ServerSession {
     pub fn new(offer: Capabilities, holds: Vec<Digest>, scene_limit: u64) -> Self {
         Self {
             phase: Phase::Greeting,
+            version: 0,
+            shadows_told: false,
             offer,
             holds,
             scene_limit,
@@ -164,6 +176,7 @@ impl ServerSession {
                 }
                 let version = choose_version(min_version, max_version)?;
                 self.phase = Phase::Scene;
+                self.version = version;
                 return Ok(ServerEvent::Hello {
                     version,
                     name,
@@ -174,6 +187,7 @@ impl ServerSession {
                 return Err(out_of_order("the first message is not Hello"));
             }
             ToServer::Ping { token } => return Ok(ServerEvent::Ping { token }),
+            ToServer::Shadows { error, methods } => return self.shadows(error, methods),
             ToServer::SceneBegin { digest, bytes } => return self.begin(digest, bytes),
             ToServer::SceneChunk { data } => return self.chunk(&data),
             _ => {}
@@ -194,6 +208,22 @@ impl ServerSession {
             ToServer::Cancel { views_before } => Ok(self.cancel(views_before)),
             _ => Err(out_of_order("a message has no place here")),
         }
+    }
+
+    fn shadows(
+        &mut self,
+        error: f32,
+        methods: Vec<ShadowMethod>,
+    ) -> Result<ServerEvent, Violation> {
+        if self.version < SHADOWS_VERSION {
+            let text = format!("version {} has no Shadows", self.version);
+            return Err(out_of_order(text));
+        }
+        if !matches!(self.phase, Phase::Scene) || self.shadows_told {
+            return Err(out_of_order("Shadows comes once, before SceneBegin"));
+        }
+        self.shadows_told = true;
+        Ok(ServerEvent::Shadows { error, methods })
     }
 
     fn begin(&mut self, digest: Digest, bytes: u64) -> Result<ServerEvent, Violation> {

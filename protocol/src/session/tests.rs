@@ -1,7 +1,8 @@
 use super::*;
 use crate::handshake::hello;
 use crate::messages::{
-    Camera, Capabilities, Sample, SampleRequest, Texel, TexturedSample, Triple, VERSION,
+    Camera, Capabilities, LightShadows, Sample, SampleRequest, ShadowMethod, Texel, TexturedSample,
+    Triple, VERSION,
 };
 use crate::scene::{Light, Material, Mesh, Model, Object, Scene, Shading};
 use crate::transfer::EncodedScene;
@@ -413,4 +414,56 @@ fn long_fault_texts_are_cut_at_a_character() {
         panic!("a violation becomes a fault")
     };
     assert_eq!(text.len(), MAX_TEXT);
+}
+
+#[test]
+fn wishes_for_shadows_come_once_before_the_scene() {
+    let wish = || ToServer::Shadows {
+        error: 0.01,
+        methods: vec![ShadowMethod::Penumbra],
+    };
+    let mut server = ServerSession::new(capabilities(), vec![], 1000);
+    assert_eq!(
+        server.receive(wish()).unwrap_err().code,
+        FaultCode::OutOfOrder
+    );
+    server.receive(hello("t", 1)).unwrap();
+    let event = server.receive(wish()).unwrap();
+    assert!(
+        matches!(event, ServerEvent::Shadows { error: 0.01, ref methods } if *methods == [ShadowMethod::Penumbra])
+    );
+    assert_eq!(
+        server.receive(wish()).unwrap_err().code,
+        FaultCode::OutOfOrder
+    );
+    let (_, mut ready) = ready();
+    assert!(ready.receive(wish()).is_err());
+    let old = ToServer::Hello {
+        min_version: 1,
+        max_version: 2,
+        name: "t".into(),
+        seed: 1,
+    };
+    let mut server = ServerSession::new(capabilities(), vec![], 1000);
+    server.receive(old).unwrap();
+    assert!(server.receive(wish()).is_err(), "version 2 has none");
+}
+
+#[test]
+fn methods_are_told_of_lights_that_there_are() {
+    let told = |light| ToDisplay::Shadows {
+        lights: vec![LightShadows {
+            light,
+            method: ShadowMethod::Rays,
+            why: String::new(),
+        }],
+    };
+    let (mut display, _) = ready();
+    assert_eq!(display.receive(&told(0)).unwrap(), DisplayEvent::Shadows);
+    assert_eq!(
+        display.receive(&told(1)).unwrap_err().code,
+        FaultCode::Value
+    );
+    let (mut display, _) = ready_in(&scene(), 2);
+    assert!(display.receive(&told(0)).is_err(), "version 2 has none");
 }

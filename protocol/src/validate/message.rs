@@ -3,12 +3,12 @@
 use super::geometry::{cross, length, sub, wide};
 use super::{At, Checked, Problem, ValueError, count, position, range, ranges, unit, whole};
 use crate::limits::{
-    FOV_Y, MAX_BATCH, MAX_CREDITS, MAX_HOLDS, MAX_MOVES, MAX_NAME, MAX_RADIANCE, MAX_SIDE,
-    MAX_TEXT, MAX_TRIPLES, MIN_SIGHT, MIN_UP_SINE,
+    FOV_Y, MAX_BATCH, MAX_CREDITS, MAX_HOLDS, MAX_LIGHTS, MAX_MOVES, MAX_NAME, MAX_RADIANCE,
+    MAX_SHADOWS, MAX_SIDE, MAX_TEXT, MAX_TRIPLES, MIN_SIGHT, MIN_UP_SINE,
 };
 use crate::messages::{
-    Camera, Capabilities, NO_OBJECT, Sample, SampleRequest, TexturedSample, ToDisplay, ToServer,
-    flags,
+    Camera, Capabilities, LightShadows, NO_OBJECT, Sample, SampleRequest, ShadowMethod,
+    TexturedSample, ToDisplay, ToServer, flags,
 };
 use crate::scene::MAX_CHUNK;
 use crate::validate::{validate_light, validate_transform};
@@ -42,6 +42,10 @@ pub fn validate_to_server(message: &ToServer) -> Checked {
             count(data.len(), 1, MAX_CHUNK).at(|| "SceneChunk.data".into())
         }
         ToServer::Fault { text, .. } => count(text.len(), 0, MAX_TEXT).at(|| "Fault.text".into()),
+        ToServer::Shadows { error, methods } => {
+            range(*error, 0.0, 1.0).at(|| "Shadows.error".into())?;
+            count(methods.len(), 0, MAX_LIGHTS).at(|| "Shadows.methods".into())
+        }
         ToServer::View { camera, .. } => validate_camera(camera).map_err(|e| e.inside("View")),
         ToServer::Request { samples, .. } => validate_requests(samples),
         ToServer::Edit {
@@ -85,6 +89,7 @@ pub fn validate_to_display(message: &ToDisplay) -> Checked {
         ToDisplay::Triples { triples, .. } => {
             count(triples.len(), 1, MAX_TRIPLES).at(|| "Triples.triples".into())
         }
+        ToDisplay::Shadows { lights } => validate_shadows(lights),
         ToDisplay::Fault { text, .. } => count(text.len(), 0, MAX_TEXT).at(|| "Fault.text".into()),
         ToDisplay::SceneReady { .. } | ToDisplay::Status { .. } | ToDisplay::Pong { .. } => Ok(()),
     }
@@ -170,6 +175,18 @@ fn validate_textured(samples: &[TexturedSample]) -> Checked {
         if sample.flags & (flags::MISS | flags::LIGHT) != 0 {
             let problem = Problem::Other("is no hit on an object, so that it has no texture");
             return Err(problem).at(|| at("sample.flags"));
+        }
+    }
+    Ok(())
+}
+
+fn validate_shadows(lights: &[LightShadows]) -> Checked {
+    count(lights.len(), 1, MAX_SHADOWS).at(|| "Shadows.lights".into())?;
+    for (i, light) in lights.iter().enumerate() {
+        count(light.why.len(), 0, MAX_NAME).at(|| format!("Shadows.lights[{i}].why"))?;
+        if light.method == ShadowMethod::Auto {
+            let problem = Problem::Other("is Auto, which is a wish and no method");
+            return Err(problem).at(|| format!("Shadows.lights[{i}].method"));
         }
     }
     Ok(())

@@ -1,5 +1,5 @@
 use super::*;
-use crate::messages::{FaultCode, ObjectMove, Texel};
+use crate::messages::{FaultCode, LightShadows, ObjectMove, ShadowMethod, Texel};
 
 fn camera() -> Camera {
     Camera {
@@ -289,4 +289,41 @@ fn bad_texels_name_what_is_wrong() {
         validate_to_display(&none).unwrap_err().fault(),
         FaultCode::Limit
     );
+}
+
+#[test]
+fn shadows_are_checked() {
+    let wish = |error, count| ToServer::Shadows {
+        error,
+        methods: vec![ShadowMethod::SoftMap; count],
+    };
+    validate_to_server(&wish(0.0, 0)).unwrap();
+    validate_to_server(&wish(1.0, MAX_LIGHTS)).unwrap();
+    for bad in [
+        wish(f32::NAN, 0),
+        wish(-0.1, 0),
+        wish(1.1, 0),
+        wish(0.5, MAX_LIGHTS + 1),
+    ] {
+        validate_to_server(&bad).unwrap_err();
+    }
+    let told = |method, why: usize, count| ToDisplay::Shadows {
+        lights: vec![
+            LightShadows {
+                light: 0,
+                method,
+                why: "x".repeat(why),
+            };
+            count
+        ],
+    };
+    validate_to_display(&told(ShadowMethod::Rays, MAX_NAME, MAX_SHADOWS)).unwrap();
+    for bad in [
+        told(ShadowMethod::Rays, 0, 0),
+        told(ShadowMethod::Rays, 0, MAX_SHADOWS + 1),
+        told(ShadowMethod::Rays, MAX_NAME + 1, 1),
+        told(ShadowMethod::Auto, 0, 1),
+    ] {
+        validate_to_display(&bad).unwrap_err();
+    }
 }

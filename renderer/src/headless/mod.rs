@@ -185,5 +185,5 @@ fn sparse(
         output.stats(&stats)?;
         done(&stats);
     }
-    Ok(Explanation::of(&display, scene))
+    Ok(Explanation::of(&display, scene, &servers.shadows()))
 }

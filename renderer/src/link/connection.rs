@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use protocol::framing::{FrameError, Receiver, Sender};
 use protocol::handshake::hello;
-use protocol::messages::{Sample, SampleRequest, Texel};
+use protocol::messages::{LightShadows, Sample, SampleRequest, Texel};
 use protocol::session::{DisplayEvent, DisplaySession, SceneSize, Violation};
 use protocol::transfer::EncodedScene;
 use protocol::{ToDisplay, ToServer};
@@ -95,6 +95,16 @@ pub(super) async fn run(
     end
 }
 
+/// Keeps what is said of lights, by their index and the last word of each.
+fn tell(known: &mut Vec<LightShadows>, news: Vec<LightShadows>) {
+    for light in news {
+        match known.binary_search_by_key(&light.light, |l| l.light) {
+            Ok(place) => known[place] = light,
+            Err(place) => known.insert(place, light),
+        }
+    }
+}
+
 impl Connection<'_> {
     fn account(&self) -> MutexGuard<'_, Account> {
         self.account.lock().unwrap_or_else(PoisonError::into_inner)
@@ -165,6 +175,10 @@ impl Connection<'_> {
                 let mut state = self.shared.lock();
                 let current = self.is_current(epoch, state.edits.epoch());
                 state.deliver_triples(&triples, current);
+            }
+            (DisplayEvent::Shadows, ToDisplay::Shadows { lights }) => {
+                let mut state = self.shared.lock();
+                tell(&mut state.servers[self.server].shadows, lights);
             }
             (DisplayEvent::Status { released }, _) => {
                 self.shared.lock().release(self.server, released);
@@ -313,6 +327,9 @@ impl Connection<'_> {
         &self,
         sender: &mut Sender<OwnedWriteHalf, ToServer>,
     ) -> Result<(), ServerError> {
+        if self.account().session.takes_shadows() {
+            self.put(sender, &self.shared.shadows).await?;
+        }
         let encoded = self.scene_to_send().await?;
         let holds = {
             let mut account = self.account();

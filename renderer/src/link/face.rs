@@ -8,7 +8,10 @@ use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use protocol::messages::{Camera, LightMove, ObjectMove, Sample, SampleRequest, Texel, Triple};
+use protocol::ToServer;
+use protocol::messages::{
+    Camera, LightMove, ObjectMove, Sample, SampleRequest, ShadowMethod, Texel, Triple,
+};
 use protocol::scene::Scene;
 use protocol::transfer::{EncodedScene, TransferError};
 use protocol::validate::{ValueError, validate_camera};
@@ -60,6 +63,8 @@ pub struct LinkConfig {
     pub attempts: u32,
     /// A server that answers nothing for so long is lost.
     pub timeout: Duration,
+    /// How the visibility of lights is wanted.
+    pub shadows: ShadowWish,
     /// Called from the link's thread when samples came and none were waiting to be drained.
     pub waker: Option<Box<dyn Fn() + Send + Sync>>,
 }
@@ -74,9 +79,20 @@ impl LinkConfig {
             capacity: 1 << 18,
             attempts: 3,
             timeout: Duration::from_secs(protocol::limits::PING_TIMEOUT_S),
+            shadows: ShadowWish::default(),
             waker: None,
         }
     }
+}
+
+/// How the visibility of lights is wanted; servers that have no choice do as they do.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ShadowWish {
+    /// Error that an automatic choice may make: root mean square over a light's penumbrae, as a share of the light in full
+    /// view. In [0, 1].
+    pub error: f32,
+    /// By index of the light; those past the end are chosen automatically.
+    pub methods: Vec<ShadowMethod>,
 }
 
 /// The link cannot be made, or was asked for something that it cannot do.
@@ -157,6 +173,10 @@ impl Link {
             scene,
             encoded,
             name: config.name,
+            shadows: ToServer::Shadows {
+                error: config.shadows.error,
+                methods: config.shadows.methods,
+            },
             seed: config.seed,
             timeout: config.timeout,
         });

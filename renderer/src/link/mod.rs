@@ -15,6 +15,8 @@ mod status;
 #[cfg(test)]
 mod testing;
 
-pub use face::{Link, LinkConfig, LinkError, ReceivedSample, ServerSource, WaitOutcome};
+pub use face::{
+    Link, LinkConfig, LinkError, ReceivedSample, ServerSource, ShadowWish, WaitOutcome,
+};
 pub use server::ServerError;
 pub use status::{LinkStatus, ServerPhase, ServerStatus};

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use protocol::ToServer;
 use protocol::framing::FrameError;
 use protocol::scene::Scene;
 use protocol::session::Violation;
@@ -90,6 +91,8 @@ pub(super) struct Shared {
     pub(super) scene: Arc<Scene>,
     pub(super) encoded: Arc<EncodedScene>,
     pub(super) name: String,
+    /// How the visibility of lights is wanted.
+    pub(super) shadows: ToServer,
     pub(super) seed: u64,
     pub(super) timeout: Duration,
 }

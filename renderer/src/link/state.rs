@@ -50,6 +50,7 @@ impl State {
             credits: 0,
             outstanding: 0,
             threads: 0,
+            shadows: Vec::new(),
             last_fault: None,
         };
         Self {

@@ -3,6 +3,8 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+use protocol::messages::LightShadows;
+
 /// How a server is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ServerPhase {
@@ -30,6 +32,8 @@ pub struct ServerStatus {
     pub outstanding: usize,
     /// Its worker threads.
     pub threads: u32,
+    /// How it finds the visibility of lights, by index, as far as it said.
+    pub shadows: Vec<LightShadows>,
     /// Why it was lost last.
     pub last_fault: Option<Arc<str>>,
 }

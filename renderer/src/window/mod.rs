@@ -17,6 +17,7 @@ mod tell;
 
 use std::sync::{Arc, Mutex, PoisonError};
 
+use protocol::messages::ShadowMethod;
 use protocol::scene::Scene;
 use scenes::{CameraPath, CameraSpec, Motion};
 use winit::error::EventLoopError;
@@ -60,6 +61,8 @@ pub struct Subject<'a> {
     pub path: Option<&'a CameraPath>,
     /// Paths of objects and lights.
     pub motions: &'a [Motion],
+    /// How the visibility of each light is wanted to be found.
+    pub shadows: &'a [ShadowMethod],
 }
 
 /// Opens a window on the scene and returns when it is closed.
@@ -82,6 +85,7 @@ pub fn run(subject: Subject<'_>, args: &WindowArgs) -> Result<(), WindowError> {
     let servers = Servers::start(
         &with_room_for_the_display(&args.servers),
         subject.scene,
+        subject.shadows,
         args.seed,
         pixels,
         Some(waker),

@@ -111,7 +111,7 @@ impl Session {
 
     /// Which models are chosen for the scene.
     pub(super) fn explain(&self, scene: &Scene) -> Explanation {
-        Explanation::of(&self.display, scene)
+        Explanation::of(&self.display, scene, &self.servers.shadows())
     }
 
     /// Draws the next frame and asks for what it lacks. `next` is where the camera will be in the frame after, if it

@@ -17,8 +17,15 @@ use tokio::{
     time::{MissedTickBehavior, interval, timeout},
 };
 
-use super::{Shared, desk::Desk};
-use crate::{camera::Pinhole, stage::Stage};
+use super::{
+    Shared,
+    desk::{Current, Desk},
+};
+use crate::{
+    camera::Pinhole,
+    shadows::{Chosen, Wish},
+    stage::{Stage, StageError},
+};
 
 /// Time for a display's first message.
 const GREETING: Duration = Duration::from_secs(10);
@@ -168,7 +175,7 @@ impl Connection {
                 drop(state);
                 self.desk.send(self.welcome(version));
             }
-            ServerEvent::Held(digest) => self.reuse(digest)?,
+            ServerEvent::Held(digest) => self.reuse(digest).await?,
             ServerEvent::Scene(digest, assembler) => self.build(digest, assembler).await?,
             ServerEvent::Request {
                 view,
@@ -182,14 +189,23 @@ impl Connection {
                 objects,
                 lights,
             } => {
-                let stage = self.desk.stage().ok_or(End::Gone)?;
-                let edited = self
-                    .on_pool(move || stage.edited(&objects, &lights))
-                    .await?;
-                let stage = edited.map_err(|e| Violation::new(FaultCode::Value, e.to_string()))?;
-                self.desk.set_stage(Arc::new(stage), epoch);
+                let now = self.desk.current().ok_or(End::Gone)?;
+                let edited = self.on_pool(move || {
+                    let stage = now.stage.edited(&objects, &lights)?;
+                    Ok(Current {
+                        visibility: Arc::new(now.visibility.after(&stage)),
+                        stage: Arc::new(stage),
+                        epoch,
+                    })
+                });
+                let edited: Result<Current, StageError> = edited.await?;
+                self.desk
+                    .set(edited.map_err(|e| Violation::new(FaultCode::Value, e.to_string()))?);
             }
             ServerEvent::Cancel { views_before } => self.desk.cancel(views_before),
+            ServerEvent::Shadows { error, methods } => {
+                self.desk.state().wish = Wish { error, methods };
+            }
             ServerEvent::Ping { token } => self.desk.send(ToDisplay::Pong { token }),
             ServerEvent::Goodbye(reason) => {
                 if let Some(violation) = reason {
@@ -212,15 +228,15 @@ impl Connection {
         }
     }
 
-    fn reuse(&self, digest: Digest) -> Result<(), End> {
+    async fn reuse(&self, digest: Digest) -> Result<(), End> {
         let stage = self
             .held
             .iter()
             .find(|(held, _)| *held == digest)
             .map(|(_, stage)| stage);
         let stage = stage.ok_or_else(|| internal("a scene that was held is gone"))?;
-        self.ready(digest, Arc::clone(stage));
-        Ok(())
+        let stage = Arc::clone(stage);
+        self.ready(digest, stage).await
     }
 
     async fn build(&self, digest: Digest, assembler: Assembler) -> Result<(), End> {
@@ -232,15 +248,22 @@ impl Connection {
                 .map_err(|e| Violation::new(FaultCode::Value, e.to_string()))
         });
         let stage = built.await??;
-        self.ready(digest, Arc::new(stage));
-        Ok(())
+        self.ready(digest, Arc::new(stage)).await
     }
 
-    fn ready(&self, digest: Digest, stage: Arc<Stage>) {
+    async fn ready(&self, digest: Digest, stage: Arc<Stage>) -> Result<(), End> {
         self.shared.cache.touch(digest, &stage);
-        self.desk.state().rules.scene_built(stage.scene());
-        self.desk.set_stage(stage, 0);
+        let (options, wish) = (self.shared.config.shadows, self.desk.state().wish.clone());
+        let now = self.on_pool(move || Current {
+            visibility: Arc::new(Chosen::new(&stage, options, wish)),
+            stage,
+            epoch: 0,
+        });
+        let now = now.await?;
+        self.desk.state().rules.scene_built(now.stage.scene());
         self.desk.send(ToDisplay::SceneReady { digest });
+        self.desk.set(now);
+        Ok(())
     }
 
     /// Runs something long where rays run.

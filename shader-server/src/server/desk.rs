@@ -11,7 +11,8 @@ use std::{
 
 use protocol::{
     messages::{
-        FaultCode, Sample, SampleRequest, TEXTURED_VERSION, TexturedSample, ToDisplay, Triple,
+        FaultCode, SHADOWS_VERSION, Sample, SampleRequest, TEXTURED_VERSION, TexturedSample,
+        ToDisplay, Triple,
     },
     session::{ServerSession, Violation},
 };
@@ -21,6 +22,7 @@ use super::Shared;
 use crate::{
     camera::Pinhole,
     shading::{Shaded, Shader},
+    shadows::{Chosen, Visibility, Wish},
     stage::Stage,
 };
 
@@ -44,7 +46,9 @@ pub(super) struct State {
     pub(super) seed: u64,
     /// Protocol version that the display speaks.
     pub(super) version: u16,
-    stage: Option<(Arc<Stage>, u32)>,
+    /// How the display wants the visibility of lights found.
+    pub(super) wish: Wish,
+    current: Option<Current>,
     batches: VecDeque<Batch>,
     queued: usize,
     chunks_in_flight: usize,
@@ -54,6 +58,14 @@ pub(super) struct State {
     traced: u64,
     rays: u64,
     closing: bool,
+}
+
+/// The scene in the state that edits have brought it to.
+#[derive(Clone)]
+pub(super) struct Current {
+    pub(super) stage: Arc<Stage>,
+    pub(super) visibility: Arc<Chosen>,
+    pub(super) epoch: u32,
 }
 
 /// Requests come in, messages go out; chunks of requests are traced on the pool in between.
@@ -73,8 +85,7 @@ struct Chunk {
     view: u32,
     pinhole: Pinhole,
     requests: Vec<SampleRequest>,
-    stage: Arc<Stage>,
-    epoch: u32,
+    current: Current,
     seed: u64,
     /// The display takes textured samples.
     textured: bool,
@@ -93,7 +104,8 @@ impl Desk {
             rules,
             seed: 0,
             version: 0,
-            stage: None,
+            wish: Wish::default(),
+            current: None,
             batches: VecDeque::new(),
             queued: 0,
             chunks_in_flight: 0,
@@ -140,19 +152,20 @@ impl Desk {
         Some(taken)
     }
 
-    /// Puts a scene in place, as it is after edits up to `epoch`.
-    pub(super) fn set_stage(&self, stage: Arc<Stage>, epoch: u32) {
+    /// Puts a scene in place, as it is from now on, and tells the display how its lights' visibility is found.
+    pub(super) fn set(&self, current: Current) {
         let mut state = self.state();
-        state.stage = Some((stage, epoch));
+        if state.version >= SHADOWS_VERSION {
+            state.outgoing.extend(current.visibility.told());
+            self.to_write.notify_one();
+        }
+        state.current = Some(current);
         state.triples_sent.clear();
     }
 
     /// The scene as it is now.
-    pub(super) fn stage(&self) -> Option<Arc<Stage>> {
-        self.state()
-            .stage
-            .as_ref()
-            .map(|(stage, _)| Arc::clone(stage))
+    pub(super) fn current(&self) -> Option<Current> {
+        self.state().current.clone()
     }
 
     /// Queues requests, most wanted first.
@@ -188,7 +201,7 @@ impl Desk {
     /// Queues a status if the display has a scene.
     pub(super) fn report(&self) {
         let mut state = self.state();
-        if state.stage.is_some() && !state.closing && state.outgoing.len() < ROOM {
+        if state.current.is_some() && !state.closing && state.outgoing.len() < ROOM {
             let status = state.status();
             state.outgoing.push_back(status);
             self.to_write.notify_one();
@@ -234,7 +247,7 @@ impl Desk {
         state.chunks_in_flight -= 1;
         match traced {
             Some((chunk, Ok(traced))) => {
-                state.finish(chunk.view, chunk.epoch, traced);
+                state.finish(chunk.view, chunk.current.epoch, traced);
                 self.to_write.notify_one();
             }
             Some((_, Err(_))) => {
@@ -250,7 +263,7 @@ impl Desk {
 
     /// Gives the pool what samples found missing, beside the samples: each thread takes turns.
     fn start_records(self: &Arc<Self>, state: &mut State) {
-        let Some((stage, _)) = &state.stage else {
+        let Some(Current { stage, .. }) = &state.current else {
             return;
         };
         let Some(cache) = stage.irradiance() else {
@@ -279,8 +292,11 @@ impl Desk {
     }
 
     fn trace(&self, chunk: &Chunk) -> Traced {
-        let mut shader = Shader::new(&chunk.stage, &*self.shared.visibility, chunk.seed)
-            .with_pixel(chunk.pinhole.pixel_slope());
+        let Current {
+            stage, visibility, ..
+        } = &chunk.current;
+        let mut shader =
+            Shader::new(stage, &**visibility, chunk.seed).with_pixel(chunk.pinhole.pixel_slope());
         let mut samples = Vec::with_capacity(chunk.requests.len());
         let mut textured = Vec::new();
         let (mut rays, mut shaded) = (Vec::new(), Vec::new());
@@ -327,8 +343,9 @@ impl State {
 
     /// The next requests of the first batch: fewer where few are left, so that all threads end together.
     fn take_chunk(&mut self, threads: usize) -> Option<Chunk> {
-        let (stage, epoch) = self.stage.clone()?;
-        let count = (self.queued / (2 * threads)).clamp(SMALL_CHUNK, CHUNK);
+        let current = self.current.clone()?;
+        let most = CHUNK.max(current.visibility.batch());
+        let count = (self.queued / (2 * threads)).clamp(SMALL_CHUNK, most);
         while let Some(batch) = self.batches.front_mut() {
             let requests: Vec<SampleRequest> = batch.requests.by_ref().take(count).collect();
             let (view, pinhole) = (batch.view, batch.pinhole);
@@ -341,8 +358,7 @@ impl State {
                     view,
                     pinhole,
                     requests,
-                    stage,
-                    epoch,
+                    current,
                     seed: self.seed,
                     textured: self.version >= TEXTURED_VERSION,
                 });
@@ -378,7 +394,7 @@ impl State {
                 samples: traced.textured,
             });
         }
-        if self.stage.as_ref().is_some_and(|(_, now)| *now == epoch) {
+        if self.current.as_ref().is_some_and(|now| now.epoch == epoch) {
             traced
                 .triples
                 .retain(|triple| self.triples_sent.insert(*triple));

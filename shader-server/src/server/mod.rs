@@ -16,10 +16,7 @@ use protocol::{
 };
 use tokio::{net::TcpListener, sync::Semaphore, task::JoinSet};
 
-use crate::{
-    irradiance::Patience,
-    shadows::{ShadowRays, Visibility},
-};
+use crate::{irradiance::Patience, shadows::ShadowOptions};
 use cache::SceneCache;
 
 /// Displays served at once; more wait to be accepted.
@@ -30,8 +27,8 @@ const MAX_DISPLAYS: usize = 64;
 pub struct ServerConfig {
     /// Threads that trace rays; all of the machine's if not given.
     pub threads: Option<NonZeroUsize>,
-    /// How shadow rays are spent.
-    pub shadows: ShadowRays,
+    /// How visibility of lights is found.
+    pub shadows: ShadowOptions,
     /// Whether samples wait for the irradiance records that they need, in scenes with indirect light.
     pub patience: Patience,
     /// Requests that each display may have outstanding.
@@ -44,7 +41,7 @@ impl Default for ServerConfig {
     fn default() -> Self {
         Self {
             threads: None,
-            shadows: ShadowRays::default(),
+            shadows: ShadowOptions::default(),
             patience: Patience::AtOnce,
             credits: 1 << 16,
             max_scene_bytes: MAX_SCENE,
@@ -69,7 +66,6 @@ struct Shared {
     threads: usize,
     pool: rayon::ThreadPool,
     cache: SceneCache,
-    visibility: Box<dyn Visibility>,
 }
 
 impl Shared {
@@ -80,13 +76,11 @@ impl Shared {
             .num_threads(threads)
             .thread_name(|index| format!("rays-{index}"))
             .build()?;
-        let visibility = Box::new(config.shadows);
         Ok(Self {
             config,
             threads,
             pool,
             cache: SceneCache::default(),
-            visibility,
         })
     }
 

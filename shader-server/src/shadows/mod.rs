@@ -4,10 +4,14 @@
 //! are the one that fits everything.
 
 mod area;
+mod chosen;
 mod cover;
 mod shadow_rays;
 
-pub use self::shadow_rays::ShadowRays;
+pub use self::{
+    chosen::{Chosen, ShadowOptions, Wish},
+    shadow_rays::ShadowRays,
+};
 
 use glam::DVec3;
 use rays::Recent;
