@@ -1,0 +1,110 @@
+//! One blocker's edge between a linear light and a plane, of which everything is known.
+
+mod common;
+
+use common::{sheet, weight};
+use glam::{Vec3, vec3};
+use rays::World;
+use soft_maps::{Light, Options, Receiver, SoftMaps, Transition};
+
+const HEIGHT: f32 = 4.;
+const HALF_LENGTH: f32 = 0.5;
+/// Height of the blocker, whose edge is at x = 0.
+const EDGE: f32 = 1.5;
+
+/// The plane y = −`slope`·x, half covered by a blocker at x < 0.
+fn world(slope: f32) -> World {
+    let plane = sheet(
+        vec3(-8., 8. * slope, -8.),
+        vec3(16., -16. * slope, 0.),
+        Vec3::Z * 16.,
+    );
+    let blocker = sheet(vec3(-6., EDGE, -6.), Vec3::X * 6., Vec3::Z * 12.);
+    World::new(vec![plane, blocker])
+}
+
+fn light() -> [Vec3; 2] {
+    [-HALF_LENGTH, HALF_LENGTH].map(|x| vec3(x, HEIGHT, 0.))
+}
+
+fn receiver(slope: f32, x: f32, z: f32) -> Receiver {
+    let normal = vec3(slope, 1., 0.).normalize();
+    Receiver {
+        position: vec3(x, -slope * x, z),
+        normal,
+        face_normal: normal,
+    }
+}
+
+/// Share of the irradiance past the edge: from where the line over the edge meets the light to its second end.
+fn exact(receiver: &Receiver) -> f32 {
+    let p = receiver.position;
+    let meets = p.x - p.x * (HEIGHT - p.y) / (EDGE - p.y);
+    let (mut seen, mut all) = (0., 0.);
+    for i in 0..4000 {
+        let place = light()[0].lerp(light()[1], (i as f32 + 0.5) / 4000.);
+        let weight = weight(receiver, place, None);
+        all += weight;
+        seen += if place.x > meets { weight } else { 0. };
+    }
+    (seen / all) as f32
+}
+
+/// Largest error on a grid of receivers that are not within `margin` metres of where the function bends, and the mean error of all.
+fn errors(slope: f32, options: &Options) -> (f32, f32) {
+    let world = world(slope);
+    let maps = SoftMaps::build(&world, &Light::Segment(light()), options).unwrap();
+    let stats = maps.stats();
+    // Where a strip of the plane one texel wide shows between blocker and background, its outline is missed.
+    assert!(10 * stats.undersampled < stats.penumbral, "{stats:?}");
+    let (mut worst, mut sum, mut count) = (0f32, 0., 0);
+    for z in [-1.3, -0.4, 0., 0.77, 2.] {
+        for i in 0..=600 {
+            let receiver = receiver(slope, -1.2 + 2.7 * i as f32 / 600., z);
+            let seen = maps.fraction(&receiver);
+            assert!(!seen.flagged, "{receiver:?}");
+            let error = (seen.share - exact(&receiver)).abs();
+            worst = worst.max(error);
+            sum += error;
+            count += 1;
+        }
+    }
+    (worst, sum / count as f32)
+}
+
+#[test]
+fn the_error_is_that_of_the_slope_and_two_texels() {
+    for slope in [0., 0.1, 0.25, 0.5, 0.75, 1.] {
+        for transition in [Transition::Linear, Transition::Rational] {
+            for texel_angle in [0.02, 0.005] {
+                for (refinements, samples) in [(0, 2), (5, 2), (5, 3)] {
+                    let options = Options {
+                        transition,
+                        texel_angle,
+                        refinements,
+                        samples,
+                        max_samples: samples,
+                        ..Options::default()
+                    };
+                    let (worst, mean) = errors(slope, &options);
+                    // The penumbra's width is the light's length scaled by the distances from the edge, of which a texel
+                    // is a part; with more samples the light between two of them is shorter.
+                    let pieces = (samples - 1) as f32;
+                    let width = 2. * HALF_LENGTH * EDGE / (HEIGHT - EDGE);
+                    let texels = 2. * texel_angle * HEIGHT / width;
+                    let of_slope = match transition {
+                        Transition::Linear => slope / (4. * pieces * pieces),
+                        Transition::Rational => 0.,
+                    };
+                    println!(
+                        "slope {slope} {transition:?} texel {texel_angle} refined {refinements} samples {samples}: worst {worst:.4} mean {mean:.5}"
+                    );
+                    assert!(
+                        worst <= of_slope + texels,
+                        "{worst} > {of_slope} + {texels}"
+                    );
+                }
+            }
+        }
+    }
+}
