@@ -8,7 +8,7 @@ use crate::load::{LoadedScene, load, load_text};
 /// The scene to show if none is asked for.
 pub const DEFAULT: &str = "chains";
 
-const FILES: [(&str, &str); 7] = [
+const FILES: [(&str, &str); 10] = [
     ("chains", include_str!("../chains.toml")),
     ("rooms", include_str!("../rooms.toml")),
     ("torus", include_str!("../torus.toml")),
@@ -16,6 +16,9 @@ const FILES: [(&str, &str); 7] = [
     ("mack", include_str!("../mack.toml")),
     ("head", include_str!("../head.toml")),
     ("dragon", include_str!("../dragon.toml")),
+    ("grids", include_str!("../grids.toml")),
+    ("flowers", include_str!("../flowers.toml")),
+    ("court", include_str!("../court.toml")),
 ];
 
 /// Names that [`builtin`] knows.

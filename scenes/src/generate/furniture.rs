@@ -103,10 +103,10 @@ pub(super) fn books(b: &mut Builder, size: [f32; 3], seed: u32, part: u32, of: u
 }
 
 /// Numbers in [0, 1) that are the same everywhere (splitmix64).
-struct Random(u64);
+pub(super) struct Random(pub(super) u64);
 
 impl Random {
-    fn next(&mut self) -> f32 {
+    pub(super) fn next(&mut self) -> f32 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

@@ -6,7 +6,7 @@ use super::Generator;
 const MAX_TRIANGLES: u64 = 1 << 24;
 
 impl Generator {
-    /// Whether [`Generator::make`] can make a mesh of these parameters; chains, tubes and heads check their own.
+    /// Whether [`Generator::make`] can make a mesh of these parameters; chains, tubes, heads and plants check their own.
     ///
     /// # Errors
     /// What is wrong with which parameter.
@@ -110,7 +110,9 @@ impl Generator {
                     .iter()
                     .try_for_each(|o| check_opening(*o, size[0], size[1]))
             }
-            Self::Chain(_) | Self::Tube(_) | Self::Head(_) => Ok(()),
+            Self::Chain(_) | Self::Tube(_) | Self::Head(_) | Self::Plants(_) | Self::Crown(_) => {
+                Ok(())
+            }
             &Self::Table {
                 size,
                 thickness,

@@ -6,6 +6,7 @@ mod furniture;
 mod head;
 mod limits;
 mod params;
+mod plants;
 mod round;
 mod solids;
 mod tube;

@@ -6,11 +6,12 @@ use super::Made;
 use super::builder::Builder;
 use super::chain::{self, ChainSpec};
 use super::head::{self, HeadSpec};
+use super::plants::{self, CrownSpec, PlantsSpec};
 use super::tube::{self, TubeSpec};
 use super::{furniture, round, solids};
 
-/// A mesh to make. Lengths are in metres, y is up; centred on the origin unless said otherwise. All but `plane` are closed
-/// and run anticlockwise seen from outside.
+/// A mesh to make. Lengths are in metres, y is up; centred on the origin unless said otherwise. All but `plane`, `plants`
+/// and `crown` are closed and run anticlockwise seen from outside.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(tag = "kind", rename_all = "lowercase", deny_unknown_fields)]
 pub(crate) enum Generator {
@@ -96,6 +97,10 @@ pub(crate) enum Generator {
     Tube(TubeSpec),
     /// A head and its neck, its surface irregular as a scanner gives it; faces +z.
     Head(HeadSpec),
+    /// Flowers or grass on y = 0, not closed.
+    Plants(PlantsSpec),
+    /// The leaves of a tree, not closed.
+    Crown(CrownSpec),
     /// Stands on y = 0: a top and four legs.
     Table {
         size: [f32; 3],
@@ -144,6 +149,14 @@ impl Generator {
         self.check()?;
         if let Self::Chain(spec) = self {
             return chain::chain(spec);
+        }
+        let grown = match self {
+            Self::Plants(spec) => Some(plants::plants(spec)?),
+            Self::Crown(spec) => Some(plants::crown(spec)?),
+            _ => None,
+        };
+        if let Some(mesh) = grown {
+            return Ok(mesh.into());
         }
         let mut b = Builder::default();
         match self {
@@ -223,7 +236,7 @@ impl Generator {
                 part,
                 of,
             } => furniture::books(&mut b, [length, height, depth], seed, part, of),
-            Self::Chain(_) => {}
+            Self::Chain(_) | Self::Plants(_) | Self::Crown(_) => {}
         }
         let mesh = b.finish();
         if mesh.faces.is_empty() {

@@ -159,6 +159,34 @@ fn counts_are_as_documented() {
 }
 
 #[test]
+fn plants_have_their_counts_and_parts_of_a_bed_grow_together() {
+    let bed = |part: &str| {
+        make(&format!(
+            "kind = 'plants'\nsize = [2, 3]\ncount = 7\nheight = 0.8\nseed = 3\npart = '{part}'"
+        ))
+    };
+    let counts = ["stems", "leaves", "petals", "grass"].map(|part| bed(part).faces.len());
+    assert_eq!(counts, [7 * 36, 7 * 288, 7 * 120, 7 * 5]);
+    let (stems, petals) = (bed("stems"), bed("petals"));
+    for plant in 0..7 {
+        // Petals start where their stem ends.
+        let top = &stems.positions[plant * 21 + 18..][..3];
+        let end: [f32; 3] = std::array::from_fn(|k| top.iter().map(|p| p[k]).sum::<f32>() / 3.0);
+        let root = &petals.positions[plant * 12 * 10..][..3];
+        let start: [f32; 3] = std::array::from_fn(|k| 0.5 * (root[0][k] + root[2][k]));
+        assert!(
+            (0..3).all(|k| (end[k] - start[k]).abs() < 1e-3),
+            "{end:?} {start:?}"
+        );
+    }
+    let crown = make("kind = 'crown'\nradius = 2\nleaves = 50\nleaf = 0.2");
+    assert_eq!(crown.faces.len(), 50 * 6);
+    for mesh in [stems, petals, crown, bed("leaves"), bed("grass")] {
+        assert!(mesh.faces.iter().all(|face| !is_zero_area(&mesh, *face)));
+    }
+}
+
+#[test]
 fn links_that_touch_or_do_not_link_are_refused() {
     let chain = |gap: f32| {
         let toml = format!(
@@ -188,6 +216,9 @@ fn bad_parameters_are_refused() {
         "kind = 'lathe'\nprofile = [[0.1, 0], [1, 1], [0, 2]]",
         "kind = 'icosphere'\nradius = 1\nsteps = 40",
         "kind = 'books'\nlength = 1\nheight = 1\ndepth = 1\npart = 3\nof = 2",
+        "kind = 'plants'\nsize = [1, 1]\ncount = 0\nheight = 1\npart = 'grass'",
+        "kind = 'plants'\nsize = [1, 1]\ncount = 4000000000\nheight = 1\npart = 'grass'",
+        "kind = 'crown'\nradius = nan\nleaves = 5\nleaf = 1",
         "kind = 'tube'\nkeys = [[0, 0, 0, 0.1]]",
         "kind = 'tube'\nkeys = [[0, 0, 0, 0.1], [0, 0, 0, 0.1]]",
         "kind = 'tube'\nkeys = [[0, 0, 0, 0], [1, 0, 0, 0.1]]",
