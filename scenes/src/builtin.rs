@@ -8,7 +8,7 @@ use crate::load::{LoadedScene, load, load_text};
 /// The scene to show if none is asked for.
 pub const DEFAULT: &str = "chains";
 
-const FILES: [(&str, &str); 10] = [
+const FILES: [(&str, &str); 14] = [
     ("chains", include_str!("../chains.toml")),
     ("rooms", include_str!("../rooms.toml")),
     ("torus", include_str!("../torus.toml")),
@@ -19,6 +19,10 @@ const FILES: [(&str, &str); 10] = [
     ("grids", include_str!("../grids.toml")),
     ("flowers", include_str!("../flowers.toml")),
     ("court", include_str!("../court.toml")),
+    ("soft2", include_str!("../soft2.toml")),
+    ("soft6", include_str!("../soft6.toml")),
+    ("soft8", include_str!("../soft8.toml")),
+    ("soft9", include_str!("../soft9.toml")),
 ];
 
 /// Names that [`builtin`] knows.

@@ -47,6 +47,7 @@ mod irradiance;
 mod light;
 mod linear;
 mod maps;
+pub mod measure;
 mod pair;
 mod predict;
 mod sample;
