@@ -22,8 +22,10 @@ pub(crate) struct Edge {
     pub(crate) near: Vec2,
     /// Where the farther surface is first seen behind it.
     pub(crate) far: Vec2,
-    /// Reciprocal distances of the two columns until it is placed.
-    inverse: [f32; 2],
+    /// Where it is between its columns, 0 to 1.
+    pub(crate) share: f32,
+    /// Reciprocal distances just before it and just after it; until it is placed those of its columns.
+    pub(crate) inverse: [f32; 2],
 }
 
 /// Finds the discontinuities of a row of reciprocal distances, `step` radians apart, in order of columns.
@@ -49,6 +51,7 @@ pub(crate) fn find(inverse: &[f32], step: f32, edges: &mut Vec<Edge>) {
                 column: i as u32,
                 near_low,
                 theta: 0.,
+                share: 0.5,
                 near: Vec2::ZERO,
                 far: Vec2::ZERO,
                 inverse: [at(i), at(i + 1)],
@@ -60,7 +63,7 @@ pub(crate) fn find(inverse: &[f32], step: f32, edges: &mut Vec<Edge>) {
 
 /// Whether the farther of columns `i` and `i + 1` is really farther than the nearer one's plane, by more than a column is
 /// wide, and no crease joins the two.
-fn is_step(at: &impl Fn(isize) -> f32, i: isize, near_low: bool, step: f32) -> bool {
+pub(crate) fn is_step(at: &impl Fn(isize) -> f32, i: isize, near_low: bool, step: f32) -> bool {
     let turn = 2. * step.cos();
     let (near, far, away) = if near_low {
         (i, i + 1, 1)
@@ -98,7 +101,9 @@ impl Edge {
                 (high, above) = (middle, inverse);
             }
         }
+        self.inverse = [below, above];
         self.theta = 0.5 * (low + high);
+        self.share = (self.theta - theta) / step;
         let (sin, cos) = self.theta.sin_cos();
         let point = |inverse: f32| Vec2::new(x + cos / inverse, sin / inverse);
         self.near = point(below.max(above));

@@ -118,6 +118,18 @@ impl Grid {
         })
     }
 
+    /// A row, the one before and the next two; at the ends of the map the last that there is.
+    pub(crate) fn four_around(&self, row: usize) -> [usize; 4] {
+        [-1, 0, 1, 2].map(|off| {
+            let row = row as i64 + off;
+            if self.wraps {
+                row.rem_euclid(self.rows as i64) as usize
+            } else {
+                row.clamp(0, self.rows as i64 - 1) as usize
+            }
+        })
+    }
+
     /// Which rows meet `arc`.
     pub(crate) fn rows_of(&self, arc: Arc) -> Vec<bool> {
         let reach = 0.5 * arc.span + 1.5 * self.row_step;

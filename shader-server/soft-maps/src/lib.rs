@@ -51,6 +51,7 @@ pub mod measure;
 mod pair;
 mod predict;
 mod sample;
+mod seam;
 mod skins;
 
 pub use self::{

@@ -6,11 +6,12 @@ use rays::{Bounds, World};
 use crate::{
     Options, Receiver,
     frame::{Frame, corners},
-    grid::Grid,
+    grid::{Between, Grid},
     irradiance::irradiance,
     light::Linear,
     pair::{Drawer, Pair, Parts, Tally},
     sample::{Sample, Sight, Tracer},
+    seam,
 };
 
 /// Most samples that [`Options::max_samples`] may ask for.
@@ -182,11 +183,17 @@ impl LinearMaps {
             return found;
         };
         if self.samples.len() == 1 {
-            return self.look_from_point(receiver, place.flat, &between.rows, between.second);
+            return self.look_from_point(receiver, place.flat, &between);
         }
         let mut parts = [[Parts::ALL; MAX_SAMPLES]; 2];
-        for (parts, row) in parts.iter_mut().zip(between.rows) {
-            self.look_in_row(receiver, place.flat, row, parts, &mut found);
+        let side = self.side_of_seams(place.flat, &between);
+        for (i, (parts, row)) in parts.iter_mut().zip(between.rows).enumerate() {
+            if side.is_none_or(|side| side == i) {
+                self.look_in_row(receiver, place.flat, row, parts, &mut found);
+            }
+        }
+        if let Some(side) = side {
+            parts[1 - side] = parts[side];
         }
         let same = |value: Parts| {
             let pairs = self.pairs.len();
@@ -237,6 +244,20 @@ impl LinearMaps {
         seen.min(all)
     }
 
+    /// Which of the rows is on the receiver's side of an outline between them, if a sample sees one there.
+    fn side_of_seams(&self, flat: Vec2, between: &Between) -> Option<usize> {
+        let step = self.grid.column_step;
+        self.samples.iter().find_map(|sample| {
+            let seams = &sample.seams[between.rows[0]];
+            if seams.is_empty() {
+                return None;
+            }
+            let p = sample.relative(flat);
+            let column = sample.columns.at(p.y.atan2(p.x), step).round().max(0.);
+            seam::side(seams, column as usize, between.second)
+        })
+    }
+
     fn look_in_row(
         &self,
         receiver: &Receiver,
@@ -281,30 +302,32 @@ impl LinearMaps {
         let normal = receiver.face_normal;
         let height = normal.dot(receiver.position - self.frame.on_line(sample.x));
         let on_plane = normal.dot(direction) / height;
-        let near = (on_plane - inverse).abs() <= 0.1 * inverse;
+        let near = (on_plane - inverse).abs() <= inverse;
         let step = self.grid.column_step;
         let inverse = if near { on_plane.max(inverse) } else { inverse };
-        sample.sight(row, theta, inverse, step, self.drawer.bias)
+        let front = height * normal.dot(receiver.normal) < 0.;
+        Sight {
+            faces: front,
+            ..sample.sight(row, theta, inverse, step, self.drawer.bias)
+        }
     }
 
     /// A light without length: hidden or not.
-    fn look_from_point(
-        &self,
-        receiver: &Receiver,
-        flat: Vec2,
-        rows: &[usize; 2],
-        second: f32,
-    ) -> Found {
+    fn look_from_point(&self, receiver: &Receiver, flat: Vec2, between: &Between) -> Found {
         let mut found = Found {
             all: 1.,
             ..Found::default()
         };
         let sample = &self.samples[0];
-        for (row, weight) in rows.iter().zip([1. - second, second]) {
+        let weights = match self.side_of_seams(flat, between) {
+            Some(side) => [1. - side as f64, side as f64],
+            None => [1. - between.second, between.second].map(f64::from),
+        };
+        for (row, weight) in between.rows.iter().zip(weights) {
             let radial = self.frame.radial(self.grid.phi(*row));
             let sight = self.sight(receiver, flat, *row, radial, sample);
             if sight.seen {
-                found.seen += f64::from(weight);
+                found.seen += weight;
             } else {
                 found.block(sample.blocker(*row, &sight));
             }

@@ -23,7 +23,7 @@ pub(crate) struct Pair {
 /// What a row of a pair came to.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Tally {
-    /// Texels with a skin, and places tried in penumbrae.
+    /// Texels with a skin, and those that places tried in penumbrae stand for.
     pub(crate) penumbral: u32,
     /// Of those, where too few samples see what there is.
     pub(crate) undersampled: u32,
@@ -111,6 +111,8 @@ impl PairRow<'_> {
         let columns = sights[side as usize].columns;
         let marks = columns.map(|c| self.channels[side as usize].get(c).copied().unwrap_or(LIT));
         let (seen, undersampled) = match marks.into_iter().find_map(skin) {
+            // What hides the other sample is the receiver's own surface, which hides nothing of the light above it.
+            _ if !sights[1 - side as usize].faces => (self.exit_own(side, point, 1.), false),
             Some(index) => (
                 self.exit(side, index, point),
                 self.blocker_end(side, index, point) < 1. - WORTH,
@@ -135,35 +137,37 @@ impl PairRow<'_> {
 
     /// How much of the light, from the sample on `side` on, `point` sees before what hides the other sample from it, of
     /// which edge `index` of that one is the outline.
-    ///
-    /// A thick blocker has another outline as seen from the point. It is one that the sample on `side` sees, since nothing
-    /// is between that sample and the point: its own discontinuities count as well, but for the paper's linear transition.
     fn exit(&self, side: Side, index: usize, point: Vec2) -> f32 {
         let (own, other) = self.own_and_other(side);
-        let skin = exit(
-            &other.rows[self.row].edges[index],
-            point,
-            [own.x, other.x],
-            self.transition,
-        );
+        let edge = &other.rows[self.row].edges[index];
+        let skin = exit(edge, point, [own.x, other.x], self.transition);
+        self.exit_own(side, point, skin)
+    }
+
+    /// The least of `exit` and where the sample's own outlines end what is seen.
+    ///
+    /// A thick blocker has another outline as seen from the point than from the other sample. It is one that the sample on
+    /// `side` sees, since nothing is between that sample and the point. The paper's linear transition leaves it out.
+    fn exit_own(&self, side: Side, point: Vec2, exit: f32) -> f32 {
         if self.transition == Transition::Linear {
-            return skin;
+            return exit;
         }
+        let (own, other) = self.own_and_other(side);
         let edges = &own.rows[self.row].edges;
         let from_own = own.relative(point);
         let theta = from_own.y.atan2(from_own.x);
         let passed = edges.partition_point(|edge| edge.theta < theta);
         let (low, high) = edges.split_at(passed);
-        let first_of = |edges: &mut dyn Iterator<Item = &Edge>| {
+        let least = |edges: &mut dyn Iterator<Item = &Edge>| {
             let nearer = edges.filter(|e| !side.shows(e) && e.near.y < point.y);
-            let exits = nearer
-                .take(OUTLINES)
-                .map(|e| exit(e, point, [own.x, other.x], self.transition));
-            exits.fold(skin, f32::min)
+            nearer.take(OUTLINES).fold(exit, |least, edge| {
+                let share = (beyond(edge.near, point) - own.x) / (other.x - own.x);
+                if share < least { share.max(0.) } else { least }
+            })
         };
         match side {
-            Side::First => first_of(&mut low.iter().rev()),
-            Side::Second => first_of(&mut high.iter()),
+            Side::First => least(&mut low.iter().rev()),
+            Side::Second => least(&mut high.iter()),
         }
     }
 
@@ -274,7 +278,7 @@ impl PairRow<'_> {
                     continue;
                 }
                 tally.unexplained += u32::from(mark == UNEXPLAINED);
-                self.count(sample.point(self.row, column, self.step), &mut tally);
+                self.count(sample.point(self.row, column, self.step), 1, &mut tally);
             }
         }
         for side in [Side::First, Side::Second] {
@@ -283,9 +287,12 @@ impl PairRow<'_> {
         tally
     }
 
-    fn count(&self, point: Vec2, tally: &mut Tally) {
-        tally.penumbral += 1;
-        tally.undersampled += u32::from(self.undersampled(point));
+    /// Counts a place that stands for `texels` texels.
+    fn count(&self, point: Vec2, texels: u32, tally: &mut Tally) {
+        tally.penumbral += texels;
+        if self.undersampled(point) {
+            tally.undersampled += texels;
+        }
     }
 
     /// Tries places that neither sample may see: where the penumbra behind an outline of the sample on `side` would be on
@@ -306,6 +313,12 @@ impl PairRow<'_> {
             }
             let here = own.point(self.row, first, self.step);
             let along = here - own.point(self.row, second, self.step);
+            let seen_at = |p: Vec2| {
+                let p = other.relative(p);
+                p.y.atan2(p.x)
+            };
+            let width = (seen_at(edge.near) - seen_at(edge.far)).abs() / self.step;
+            let texels = (width / 3.).max(1.) as u32;
             for share in [0.25, 0.5, 0.75] {
                 let from = Vec2::new(own.x + (other.x - own.x) * share, 0.);
                 let ray = edge.near - from;
@@ -313,7 +326,7 @@ impl PairRow<'_> {
                 let reach = (here - from).perp_dot(along) / across;
                 let point = from + ray * reach;
                 if reach > 1. && reach < 100. && point.is_finite() {
-                    self.count(point, tally);
+                    self.count(point, texels, tally);
                 }
             }
         }

@@ -1,6 +1,6 @@
 //! The depth map of one sample on the light.
 
-use glam::Vec2;
+use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 use rays::{Hit, Ray, World};
 
@@ -8,6 +8,7 @@ use crate::{
     discontinuity::{self, Edge},
     frame::Frame,
     grid::{Columns, Grid},
+    seam::{self, Seam},
 };
 
 /// The instance of texels that see nothing.
@@ -20,6 +21,8 @@ pub(crate) struct Sample {
     pub(crate) x: f32,
     pub(crate) columns: Columns,
     pub(crate) rows: Vec<Row>,
+    /// Between each row and the next, where depth jumps along the light.
+    pub(crate) seams: Vec<Vec<Seam>>,
 }
 
 /// What one sample sees in one half plane, by columns.
@@ -54,6 +57,7 @@ impl Tracer<'_> {
             x,
             columns,
             rows: vec![Row::default(); self.grid.rows],
+            seams: vec![Vec::new(); self.grid.rows],
         };
         self.trace(&mut sample, &vec![true; self.grid.rows]);
         sample
@@ -64,11 +68,41 @@ impl Tracer<'_> {
         let (x, columns) = (sample.x, sample.columns);
         let rows = sample.rows.par_iter_mut().enumerate();
         rows.filter(|(row, _)| due[*row]).for_each_init(
-            || (Vec::new(), Vec::new()),
+            Default::default,
             |(rays, hits), (row, slot)| {
                 self.trace_row(x, &columns, row, slot, rays, hits);
             },
         );
+        let rows = &sample.rows;
+        let seams = sample.seams.par_iter_mut().enumerate();
+        seams.for_each(|(row, seams)| {
+            let around = self.grid.four_around(row);
+            if self.refinements > 0 && around.iter().any(|r| due[*r]) {
+                let four = around.map(|r| &rows[r].inverse[..]);
+                seams.clear();
+                seam::find(four, self.grid.row_step, seams);
+                for seam in seams {
+                    seam.place(
+                        self.grid.phi(row),
+                        self.grid.row_step,
+                        self.refinements,
+                        |column, phi| {
+                            let (sin, cos) = columns.theta(column, self.grid.column_step).sin_cos();
+                            self.ask(x, self.frame.axis * cos + self.frame.radial(phi) * sin)
+                        },
+                    );
+                }
+            }
+        });
+    }
+
+    /// Reciprocal distance in a direction from the sample at `x`.
+    fn ask(&self, x: f32, direction: Vec3) -> f32 {
+        let ray = Ray {
+            origin: self.frame.on_line(x),
+            direction,
+        };
+        self.seen(&ray, self.world.closest(&ray, self.far)).0
     }
 
     fn trace_row(
@@ -100,10 +134,7 @@ impl Tracer<'_> {
             slot.inverse.push(inverse);
             slot.instance.push(instance);
         }
-        let ask = |theta: f32| {
-            let ray = ray(theta);
-            self.seen(&ray, self.world.closest(&ray, self.far)).0
-        };
+        let ask = |theta: f32| self.ask(x, ray(theta).direction);
         slot.edges.clear();
         discontinuity::find(&slot.inverse, step, &mut slot.edges);
         for edge in &mut slot.edges {
@@ -144,36 +175,33 @@ pub(crate) struct Sight {
     pub(crate) seen: bool,
     /// The nearest column and the next nearest.
     pub(crate) columns: [usize; 2],
+    /// Whether the sample is in front of the surface tested.
+    pub(crate) faces: bool,
 }
 
 impl Row {
-    /// Reciprocal distance at the angle `theta`, which is `share` of the way between two columns: on one surface that
+    /// Reciprocal distance `share` of the way between two columns: on one surface that
     /// between theirs, at a step that of the side on which it is.
     #[inline]
-    fn depth(&self, [lower, upper]: [usize; 2], share: f32, theta: f32) -> f32 {
+    fn depth(&self, [lower, upper]: [usize; 2], share: f32) -> f32 {
         let (low, high) = (self.inverse[lower], self.inverse[upper]);
         if (high - low).abs() < 0.02 * low.max(high) {
             return low + (high - low) * share;
         }
-        let edge = self
+        let Ok(edge) = self
             .edges
-            .binary_search_by_key(&(lower as u32), |e| e.column);
-        match edge.map(|i| self.edges[i].theta) {
-            Ok(step) if theta < step => self.onward(lower, lower.checked_sub(1), share),
-            Ok(_) => self.onward(upper, upper.checked_add(1), 1. - share),
-            Err(_) => low + (high - low) * share,
-        }
-    }
-
-    /// The surface of a column, `share` columns past it away from its neighbour `before`.
-    fn onward(&self, column: usize, before: Option<usize>, share: f32) -> f32 {
-        let here = self.inverse[column];
-        let before = before.and_then(|c| self.inverse.get(c)).unwrap_or(&here);
-        let rise = here - before;
-        if rise.abs() < 0.1 * here {
-            here + rise * share
+            .binary_search_by_key(&(lower as u32), |e| e.column)
+        else {
+            return low + (high - low) * share;
+        };
+        // The surfaces of both sides are known at the step as well as at the columns.
+        let edge = &self.edges[edge];
+        let [before, after] = edge.inverse;
+        if share < edge.share {
+            low + (before - low) * (share / edge.share)
         } else {
-            here
+            let along = (share - edge.share) / (1. - edge.share).max(f32::MIN_POSITIVE);
+            after + (high - after) * along
         }
     }
 }
@@ -208,7 +236,7 @@ impl Sample {
             [upper, lower]
         };
         let seen = !inside || {
-            let there = self.rows[row].depth([lower, upper], share, theta);
+            let there = self.rows[row].depth([lower, upper], share);
             inverse >= there * (1. - bias)
         };
         Sight {
@@ -216,6 +244,7 @@ impl Sample {
             inverse,
             seen,
             columns,
+            faces: true,
         }
     }
 
@@ -237,6 +266,7 @@ impl Sample {
                 + size_of_val(&r.instance[..])
                 + size_of_val(&r.edges[..])
         };
-        self.rows.iter().map(row).sum()
+        let seams = |s: &Vec<Seam>| size_of_val(s) + size_of_val(&s[..]);
+        self.rows.iter().map(row).sum::<usize>() + self.seams.iter().map(seams).sum::<usize>()
     }
 }
