@@ -56,9 +56,9 @@ enum ShadowMethod {
     Auto,
     /// Stratified, adaptive shadow rays
     Rays,
-    /// Penumbra casting (not in this version)
+    /// Hierarchical penumbra casting
     Penumbra,
-    /// Soft shadow maps (not in this version)
+    /// Soft shadow maps
     SoftMap,
 }
 
@@ -103,9 +103,6 @@ pub fn main_from_args(args: impl IntoIterator<Item = OsString>) -> ExitCode {
 }
 
 fn serve(args: &Args) -> anyhow::Result<()> {
-    if matches!(args.shadows, ShadowMethod::Penumbra | ShadowMethod::SoftMap) {
-        bail!("this version has no such --shadows method; use auto or rays");
-    }
     if !args.listen.ip().is_loopback() {
         bail!(
             "{} is not a loopback address, and nothing yet tells friend from foe; use 127.0.0.1 or [::1]",
@@ -124,6 +121,7 @@ fn serve(args: &Args) -> anyhow::Result<()> {
                 },
             },
             method: args.shadows.into(),
+            steady: args.wait_for_records,
         },
         patience: if args.wait_for_records {
             Patience::Final
@@ -190,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn foreign_addresses_and_missing_methods_are_refused() {
+    fn foreign_addresses_are_refused() {
         let foreign = served(&["s", "--listen", "0.0.0.0:0"])
             .unwrap_err()
             .to_string();
@@ -198,10 +196,6 @@ mod tests {
             foreign.contains("0.0.0.0:0 is not a loopback address"),
             "{foreign}"
         );
-        let missing = served(&["s", "--shadows", "penumbra"])
-            .unwrap_err()
-            .to_string();
-        assert!(missing.contains("auto or rays"), "{missing}");
     }
 
     #[test]
@@ -210,6 +204,7 @@ mod tests {
             ["s", "--threads", "0"],
             ["s", "--listen", "here"],
             ["s", "--shadow-rays", "0"],
+            ["s", "--shadows", "maps"],
         ] {
             assert!(Args::try_parse_from(args).is_err(), "{args:?}");
         }

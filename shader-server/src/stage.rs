@@ -220,6 +220,18 @@ impl Stage {
         &self.scene.shading
     }
 
+    /// The objects' meshes, by index in the scene, and where they are: object space to world space.
+    pub fn placements(&self) -> impl ExactSizeIterator<Item = (u32, Affine3A)> + '_ {
+        let placements = self.placements.iter();
+        placements.map(|at| (at.mesh, at.to_world.as_affine3a()))
+    }
+
+    /// The lights that block, in the order of their instances, which follow the objects'.
+    pub fn blocking_lights(&self) -> impl Iterator<Item = &Light> + '_ {
+        let lights = self.light_of_instance.iter();
+        lights.map(|light| &self.lights[*light as usize])
+    }
+
     /// The light that instance `instance` of the world is, if it is one.
     #[must_use]
     pub fn light_of(&self, instance: u32) -> Option<u32> {

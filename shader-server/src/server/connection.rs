@@ -193,7 +193,7 @@ impl Connection {
                 let edited = self.on_pool(move || {
                     let stage = now.stage.edited(&objects, &lights)?;
                     Ok(Current {
-                        visibility: Arc::new(now.visibility.after(&stage)),
+                        visibility: Arc::new(now.visibility.after(&stage, &objects, &lights)),
                         stage: Arc::new(stage),
                         epoch,
                     })

@@ -2,13 +2,17 @@
 
 use std::sync::Arc;
 
+use penumbra::Sampling;
 use protocol::{
     limits::{MAX_NAME, MAX_SHADOWS},
-    messages::{LightShadows, ShadowMethod, ToDisplay},
+    messages::{LightMove, LightShadows, ObjectMove, ShadowMethod, ToDisplay},
 };
 
-use super::{Asked, ShadowRays, Shadows, Visibility};
-use crate::stage::Stage;
+use super::{
+    Asked, ShadowRays, Shadows, Visibility,
+    casting::{Blockers, Casting},
+};
+use crate::{lights::Shape, stage::Stage};
 
 /// How a display wants the visibility of lights found.
 #[derive(Clone, Debug, PartialEq)]
@@ -36,11 +40,20 @@ pub struct ShadowOptions {
     pub rays: ShadowRays,
     /// The method of all lights, whatever displays wish; [`ShadowMethod::Auto`] leaves it to them.
     pub method: ShadowMethod,
+    /// Samples are to be the same on every machine and in every run: nothing is chosen by what it costs here and now.
+    pub steady: bool,
 }
 
+/// One light's method.
+#[derive(Clone)]
+enum Way {
+    Rays(ShadowRays),
+    Casting(Arc<Casting>),
+}
+
+#[derive(Clone)]
 struct Choice {
-    visibility: Arc<dyn Visibility>,
-    method: ShadowMethod,
+    way: Way,
     why: String,
 }
 
@@ -48,31 +61,95 @@ struct Choice {
 pub struct Chosen {
     options: ShadowOptions,
     wish: Wish,
+    /// Made when the first light asks for them.
+    blockers: Option<Blockers>,
     lights: Vec<Choice>,
 }
 
 impl Chosen {
-    /// Chooses, and prepares what the methods need.
+    /// Chooses, and prepares what the methods need. In parallel on the current rayon pool.
     #[must_use]
     pub fn new(stage: &Stage, options: ShadowOptions, wish: Wish) -> Self {
-        let rays: Arc<dyn Visibility> = Arc::new(options.rays);
-        let lights = stage.emitters().iter().map(|_| Choice {
-            visibility: Arc::clone(&rays),
-            method: ShadowMethod::Rays,
-            why: String::new(),
-        });
-        let lights = lights.collect();
-        Self {
+        let mut chosen = Self {
             options,
             wish,
-            lights,
+            blockers: None,
+            lights: Vec::new(),
+        };
+        for light in 0..stage.emitters().len() {
+            let choice = chosen.choose(stage, light);
+            chosen.lights.push(choice);
+        }
+        chosen
+    }
+
+    /// The same after an edit, which `stage` has seen: only what moved is prepared anew.
+    #[must_use]
+    pub fn after(&self, stage: &Stage, objects: &[ObjectMove], lights: &[LightMove]) -> Self {
+        let moved: Vec<u32> = objects.iter().map(|change| change.object).collect();
+        // Lights that block are blockers of the other lights.
+        let lights_moved = !lights.is_empty();
+        let mut chosen = Self {
+            options: self.options,
+            wish: self.wish.clone(),
+            blockers: self.blockers.clone(),
+            lights: Vec::with_capacity(self.lights.len()),
+        };
+        for (light, choice) in self.lights.iter().enumerate() {
+            let next = match &choice.way {
+                Way::Rays(_) => choice.clone(),
+                _ if lights_moved => chosen.choose(stage, light),
+                Way::Casting(casting) => Choice {
+                    way: Way::Casting(Arc::new(casting.after(stage, &moved))),
+                    why: choice.why.clone(),
+                },
+            };
+            chosen.lights.push(next);
+        }
+        chosen
+    }
+
+    fn choose(&mut self, stage: &Stage, light: usize) -> Choice {
+        let wished = self.wish.methods.get(light).copied().unwrap_or_default();
+        let (wanted, by) = match self.options.method {
+            ShadowMethod::Auto => (wished, "wished for"),
+            forced => (forced, "the server's setting"),
+        };
+        match wanted {
+            ShadowMethod::Auto => self.rays("the only method that fits every light"),
+            ShadowMethod::Rays => self.rays(by),
+            ShadowMethod::Penumbra => self.casting(stage, light, by),
+            ShadowMethod::SoftMap => self.rays("this server has no soft shadow maps"),
         }
     }
 
-    /// The same for a scene that edits have changed.
-    #[must_use]
-    pub fn after(&self, stage: &Stage) -> Self {
-        Self::new(stage, self.options, self.wish.clone())
+    fn rays(&self, why: &str) -> Choice {
+        Choice {
+            way: Way::Rays(self.options.rays),
+            why: why.to_owned(),
+        }
+    }
+
+    fn casting(&mut self, stage: &Stage, light: usize, by: &str) -> Choice {
+        let emitter = &stage.emitters()[light];
+        if matches!(emitter.shape, Shape::Point(_)) {
+            return self.rays("a point has no penumbra to cast");
+        }
+        let blockers = self.blockers.get_or_insert_with(|| Blockers::new(stage));
+        let sampling = Sampling::default();
+        let casting = Casting::new(stage, blockers, emitter, sampling, None);
+        match casting {
+            Ok(casting) => Choice {
+                why: format!(
+                    "{by}; {} samples in {} sets, {:.1} MB",
+                    sampling.samples,
+                    sampling.sets,
+                    casting.bytes() as f64 * 1e-6
+                ),
+                way: Way::Casting(Arc::new(casting)),
+            },
+            Err(error) => self.rays(&format!("penumbrae cannot be cast: {error}")),
+        }
     }
 
     /// Tells a display, in as many messages as it takes.
@@ -82,7 +159,7 @@ impl Chosen {
             let first = part * MAX_SHADOWS;
             let told = choices.iter().enumerate().map(|(i, choice)| LightShadows {
                 light: (first + i) as u32,
-                method: choice.method,
+                method: choice.way.method(),
                 why: shortened(&choice.why),
             });
             ToDisplay::Shadows {
@@ -90,23 +167,47 @@ impl Chosen {
             }
         })
     }
+
+    /// The method of a light.
+    #[must_use]
+    pub fn method(&self, light: usize) -> ShadowMethod {
+        self.lights[light].way.method()
+    }
+}
+
+impl Way {
+    fn method(&self) -> ShadowMethod {
+        match self {
+            Self::Rays(_) => ShadowMethod::Rays,
+            Self::Casting(_) => ShadowMethod::Penumbra,
+        }
+    }
+
+    fn visibility(&self) -> &dyn Visibility {
+        match self {
+            Self::Rays(rays) => rays,
+            Self::Casting(casting) => &**casting,
+        }
+    }
 }
 
 fn shortened(text: &str) -> String {
-    let end = (0..=MAX_NAME.min(text.len())).rev();
-    let end = end.into_iter().find(|i| text.is_char_boundary(*i));
-    text[..end.unwrap_or(0)].to_owned()
+    text[..text.floor_char_boundary(MAX_NAME)].to_owned()
 }
 
 impl Visibility for Chosen {
     fn batch(&self) -> usize {
-        let batches = self.lights.iter().map(|light| light.visibility.batch());
+        let batches = self
+            .lights
+            .iter()
+            .map(|light| light.way.visibility().batch());
         batches.max().unwrap_or(1)
     }
 
     fn ask(&self, stage: &Stage, light: usize, asked: &mut [Asked], shadows: &mut Shadows) {
         self.lights[light]
-            .visibility
+            .way
+            .visibility()
             .ask(stage, light, asked, shadows);
     }
 }

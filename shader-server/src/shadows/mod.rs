@@ -4,6 +4,7 @@
 //! are the one that fits everything.
 
 mod area;
+mod casting;
 mod chosen;
 mod cover;
 mod shadow_rays;
