@@ -5,7 +5,9 @@ mod common;
 
 use std::time::Duration;
 
-use common::{Client, TestServer, camera, floor_and_lid, moved, object, requests, scene, square};
+use common::{
+    Client, TestServer, camera, floor_and_lid, moved, object, requests, scene, sphere, square,
+};
 use protocol::{
     framing::display_side, handshake::hello, messages::*, scene::Light, session::DisplayEvent,
 };
@@ -325,4 +327,91 @@ async fn two_displays_have_epochs_of_their_own() {
             .any(|(epoch, s)| *epoch == 0 && s.object == 1)
     );
     server.stop().await;
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn pings_are_answered_while_a_scene_is_built() {
+    let server = TestServer::start(1, 1 << 16).await;
+    let ball = object("ball", 0, moved(0., 0., 0.));
+    let large = scene(vec![], vec![sphere(300, 300)], vec![ball]);
+    let mut client = Client::begin(&server, &large, 1, &[]).await;
+    client.send(ToServer::Ping { token: 4 }).await;
+    let (_, event) = client.next().await;
+    assert_eq!(event, DisplayEvent::Pong { token: 4 });
+    assert_eq!(client.next().await.1, DisplayEvent::Ready);
+    server.stop().await;
+}
+
+/// A lid over a floor, under an area light and a linear one.
+fn two_lights() -> common::Scene {
+    let area = Light::Area {
+        vertices: vec![[-1., 3., -1.], [1., 3., -1.], [1., 3., 1.], [-1., 3., 1.]],
+        radiance: [3.; 3],
+    };
+    let line = Light::Linear {
+        from: [-1., 2.5, 0.5],
+        to: [1., 2.5, 0.5],
+        intensity: [4.; 3],
+    };
+    common::Scene {
+        lights: vec![area, line],
+        ..floor_and_lid()
+    }
+}
+
+/// Brightness of all samples by id, asked for in portions of this size, and the triples.
+async fn brightness(
+    method: ShadowMethod,
+    threads: usize,
+    portion: usize,
+) -> (Vec<(u64, f32)>, Vec<Triple>) {
+    let server = TestServer::start(threads, 1 << 16).await;
+    let mut client = Client::begin(&server, &two_lights(), 7, &[method; 2]).await;
+    assert_eq!(client.next().await.1, DisplayEvent::Ready);
+    let (told, _) = client.next().await;
+    let ToDisplay::Shadows { lights } = told else {
+        panic!("{told:?} in place of the methods")
+    };
+    let methods: Vec<ShadowMethod> = lights.iter().map(|light| light.method).collect();
+    assert_eq!(methods, [method; 2], "{lights:?}");
+    client.send(view(1)).await;
+    let (mut all, mut triples) = (vec![], vec![]);
+    for part in requests(0..4096).chunks(portion).rev() {
+        let (samples, more) = client.ask(1, part.to_vec()).await;
+        all.extend(samples.into_iter().map(|(id, (_, s))| (id, s.radiance[0])));
+        triples.extend(more.into_iter().map(|(_, triple)| triple));
+    }
+    all.sort_unstable_by_key(|(id, _)| *id);
+    triples.sort_unstable();
+    server.stop().await;
+    (all, triples)
+}
+
+#[tokio::test(flavor = "multi_thread", worker_threads = 2)]
+async fn every_method_gives_the_same_picture_whatever_the_portions() {
+    let (rays, shadows) = brightness(ShadowMethod::Rays, 1, 4096).await;
+    assert_eq!(shadows.len(), 2);
+    for (method, most_mean, most_rms) in [
+        (ShadowMethod::Penumbra, 0.002, 0.01),
+        // A square is taken for its four edges.
+        (ShadowMethod::SoftMap, 0.05, 0.1),
+    ] {
+        let (whole, met) = brightness(method, 1, 4096).await;
+        let (parts, met_too) = brightness(method, 2, 100).await;
+        assert!(whole == parts, "{method:?} depends on portions or threads");
+        assert_eq!(met, met_too, "{method:?}");
+        // Maps may take a surface for its own blocker at its border.
+        let found = |triple: &Triple| met.contains(triple);
+        assert!(
+            shadows.iter().all(found) && met.len() <= shadows.len() + 2,
+            "{met:?}"
+        );
+        assert!(method == ShadowMethod::SoftMap || met == shadows, "{met:?}");
+        let bright = rays.iter().map(|(_, v)| v).sum::<f32>() / rays.len() as f32;
+        let off: Vec<f32> = rays.iter().zip(&whole).map(|(a, b)| b.1 - a.1).collect();
+        let mean = off.iter().sum::<f32>() / off.len() as f32 / bright;
+        let rms = (off.iter().map(|d| d * d).sum::<f32>() / off.len() as f32).sqrt() / bright;
+        assert!(mean.abs() < most_mean, "{method:?}: mean off by {mean}");
+        assert!(rms > 0. && rms < most_rms, "{method:?}: {rms} rms");
+    }
 }

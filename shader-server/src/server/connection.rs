@@ -1,6 +1,6 @@
 //! One display: messages in, messages out.
 
-use std::{net::SocketAddr, sync::Arc, time::Duration};
+use std::{collections::VecDeque, net::SocketAddr, sync::Arc, time::Duration};
 
 use protocol::{
     ToDisplay, ToServer,
@@ -33,6 +33,9 @@ const GREETING: Duration = Duration::from_secs(10);
 const FAREWELL: Duration = Duration::from_secs(2);
 /// Between reports on how it goes.
 const REPORT: Duration = Duration::from_secs(1);
+
+/// Messages read ahead while a scene is being built or edited.
+const MOST_WAITING: usize = 16;
 
 type Incoming = Receiver<ReadHalf<TcpStream>, ToServer>;
 type Outgoing = Sender<WriteHalf<TcpStream>, ToDisplay>;
@@ -144,6 +147,7 @@ impl Connection {
             let text = format!("no Hello within {} s", GREETING.as_secs());
             return Violation::new(FaultCode::OutOfOrder, text).into();
         };
+        let mut waiting = VecDeque::new();
         let mut next = first;
         loop {
             let message = match next {
@@ -151,13 +155,40 @@ impl Connection {
                 Ok(None) => return End::Gone,
                 Err(error) => return error.into(),
             };
-            if let Err(end) = self.take(message).await {
+            if let Err(end) = self.attend(message, incoming, &mut waiting).await {
                 return end;
             }
             while self.desk.is_full() {
                 self.desk.room.notified().await;
             }
-            next = incoming.receive().await;
+            next = match waiting.pop_front() {
+                Some(message) => Ok(Some(message)),
+                None => incoming.receive().await,
+            };
+        }
+    }
+
+    /// Does what a message asks for. Meanwhile pings are answered and the display's end is noticed, since a scene or an edit
+    /// may take long; other messages wait for their turn in `waiting`.
+    async fn attend(
+        &self,
+        message: ToServer,
+        incoming: &mut Incoming,
+        waiting: &mut VecDeque<ToServer>,
+    ) -> Result<(), End> {
+        let work = self.take(message);
+        tokio::pin!(work);
+        loop {
+            let next = tokio::select! {
+                biased;
+                done = &mut work => return done,
+                next = incoming.receive(), if waiting.len() < MOST_WAITING => next?,
+            };
+            match next {
+                Some(message @ ToServer::Ping { .. }) => self.take(message).await?,
+                Some(message) => waiting.push_back(message),
+                None => return Err(End::Gone),
+            }
         }
     }
 
@@ -193,7 +224,11 @@ impl Connection {
                 let edited = self.on_pool(move || {
                     let stage = now.stage.edited(&objects, &lights)?;
                     Ok(Current {
-                        visibility: Arc::new(now.visibility.after(&stage, &objects, &lights)),
+                        visibility: Arc::new(now.visibility.after(
+                            (&now.stage, &stage),
+                            &objects,
+                            &lights,
+                        )),
                         stage: Arc::new(stage),
                         epoch,
                     })

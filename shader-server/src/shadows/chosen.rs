@@ -8,11 +8,27 @@ use protocol::{
     messages::{LightMove, LightShadows, ObjectMove, ShadowMethod, ToDisplay},
 };
 
+use rays::Bounds;
+use soft_maps::{Options, Transition};
+
 use super::{
     Asked, ShadowRays, Shadows, Visibility,
     casting::{Blockers, Casting},
+    mapping::Mapping,
 };
 use crate::{lights::Shape, stage::Stage};
+
+/// Maps that take a second or so to trace and some ten megabytes a light.
+const MAPS: Options = Options {
+    samples: 2,
+    max_samples: 5,
+    texel_angle: 0.004,
+    max_texels: 1 << 17,
+    bias: 1.,
+    refinements: 5,
+    transition: Transition::Rational,
+    receivers: None,
+};
 
 /// How a display wants the visibility of lights found.
 #[derive(Clone, Debug, PartialEq)]
@@ -49,6 +65,7 @@ pub struct ShadowOptions {
 enum Way {
     Rays(ShadowRays),
     Casting(Arc<Casting>),
+    Maps(Arc<Mapping>),
 }
 
 #[derive(Clone)]
@@ -83,10 +100,20 @@ impl Chosen {
         chosen
     }
 
-    /// The same after an edit, which `stage` has seen: only what moved is prepared anew.
+    /// The same after an edit, from what the stage was before to what it is: only what moved is prepared anew.
     #[must_use]
-    pub fn after(&self, stage: &Stage, objects: &[ObjectMove], lights: &[LightMove]) -> Self {
+    pub fn after(
+        &self,
+        (before, stage): (&Stage, &Stage),
+        objects: &[ObjectMove],
+        lights: &[LightMove],
+    ) -> Self {
+        let bounds = |stage: &Stage, object| stage.world().instance_bounds(object);
         let moved: Vec<u32> = objects.iter().map(|change| change.object).collect();
+        let places: Vec<Bounds> = moved
+            .iter()
+            .flat_map(|object| [bounds(before, *object), bounds(stage, *object)])
+            .collect();
         // Lights that block are blockers of the other lights.
         let lights_moved = !lights.is_empty();
         let mut chosen = Self {
@@ -101,6 +128,10 @@ impl Chosen {
                 _ if lights_moved => chosen.choose(stage, light),
                 Way::Casting(casting) => Choice {
                     way: Way::Casting(Arc::new(casting.after(stage, &moved))),
+                    why: choice.why.clone(),
+                },
+                Way::Maps(maps) => Choice {
+                    way: Way::Maps(Arc::new(maps.after(stage, &places))),
                     why: choice.why.clone(),
                 },
             };
@@ -119,7 +150,7 @@ impl Chosen {
             ShadowMethod::Auto => self.rays("the only method that fits every light"),
             ShadowMethod::Rays => self.rays(by),
             ShadowMethod::Penumbra => self.casting(stage, light, by),
-            ShadowMethod::SoftMap => self.rays("this server has no soft shadow maps"),
+            ShadowMethod::SoftMap => self.mapping(stage, light, by),
         }
     }
 
@@ -152,6 +183,26 @@ impl Chosen {
         }
     }
 
+    fn mapping(&self, stage: &Stage, light: usize, by: &str) -> Choice {
+        let emitter = &stage.emitters()[light];
+        match Mapping::new(stage, emitter, &MAPS) {
+            Ok(Some(maps)) => {
+                let stats = maps.stats();
+                Choice {
+                    why: format!(
+                        "{by}; {} samples on {} lines, {:.1} MB",
+                        stats.samples,
+                        stats.lights,
+                        stats.bytes as f64 * 1e-6
+                    ),
+                    way: Way::Maps(Arc::new(maps)),
+                }
+            }
+            Ok(None) => self.rays("a point has no length to be sampled along"),
+            Err(error) => self.rays(&format!("there are no maps: {error}")),
+        }
+    }
+
     /// Tells a display, in as many messages as it takes.
     pub fn told(&self) -> impl Iterator<Item = ToDisplay> {
         let lights = self.lights.chunks(MAX_SHADOWS).enumerate();
@@ -180,6 +231,7 @@ impl Way {
         match self {
             Self::Rays(_) => ShadowMethod::Rays,
             Self::Casting(_) => ShadowMethod::Penumbra,
+            Self::Maps(_) => ShadowMethod::SoftMap,
         }
     }
 
@@ -187,6 +239,7 @@ impl Way {
         match self {
             Self::Rays(rays) => rays,
             Self::Casting(casting) => &**casting,
+            Self::Maps(maps) => &**maps,
         }
     }
 }

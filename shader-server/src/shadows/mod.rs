@@ -7,6 +7,7 @@ mod area;
 mod casting;
 mod chosen;
 mod cover;
+mod mapping;
 mod shadow_rays;
 
 pub use self::{

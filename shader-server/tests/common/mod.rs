@@ -154,6 +154,18 @@ pub struct Client {
 impl Client {
     /// Connects and waits until the scene is built.
     pub async fn connect(server: &TestServer, scene: &Scene, seed: u64) -> Self {
+        let mut client = Self::begin(server, scene, seed, &[]).await;
+        while client.next().await.1 != DisplayEvent::Ready {}
+        client
+    }
+
+    /// Connects, wishes for methods of finding visibility if any are given, and sends the scene.
+    pub async fn begin(
+        server: &TestServer,
+        scene: &Scene,
+        seed: u64,
+        methods: &[ShadowMethod],
+    ) -> Self {
         let stream = TcpStream::connect(server.address).await.unwrap();
         let (receiver, sender) = display_side(stream);
         let encoded = Arc::new(EncodedScene::new(scene).unwrap());
@@ -167,6 +179,13 @@ impl Client {
         };
         client.send(hello("test", seed)).await;
         assert_eq!(client.next().await.1, DisplayEvent::Welcome);
+        if !methods.is_empty() {
+            let wish = ToServer::Shadows {
+                error: 0.02,
+                methods: methods.to_vec(),
+            };
+            client.send(wish).await;
+        }
         let scene = Arc::clone(&client.scene);
         let holds = client.session.announce(scene.digest());
         client.scene_was_held = holds;
@@ -176,7 +195,6 @@ impl Client {
                 client.send(chunk).await;
             }
         }
-        while client.next().await.1 != DisplayEvent::Ready {}
         client
     }
 
