@@ -9,7 +9,8 @@ use crate::{
     blocker::{Blocker, CUTS, FROM_BEHIND, FROM_FRONT, REVERSED},
     lanes::{LANES, LEAST},
     light::{Box3, GROUP_LANES, GroupChunk, SampleRow},
-    predicate::CONDITIONS,
+    paper::HardRow,
+    predicate::{CONDITIONS, Pair},
     receivers::Leaf,
     tree::Node,
 };
@@ -43,6 +44,22 @@ pub(crate) struct Conditions {
     values: [[f32; 4]; CONDITIONS],
     least: [f32; CONDITIONS],
     count: usize,
+}
+
+impl Conditions {
+    #[inline(always)]
+    pub(crate) fn from_pair(pair: &Pair) -> Self {
+        let mut conditions = Self {
+            values: [[0.; 4]; CONDITIONS],
+            least: [0.; CONDITIONS],
+            count: pair.count,
+        };
+        for (i, c) in pair.conditions[..pair.count].iter().enumerate() {
+            conditions.values[i] = [c.x, c.y, c.z, c.constant];
+            conditions.least[i] = c.least;
+        }
+        conditions
+    }
 }
 
 impl Coefficients {
@@ -304,6 +321,24 @@ impl<S: Simd> Kernel<S> {
             word |= (inside.to_bitmask() as u32) << (LANES * half);
         }
         word
+    }
+
+    /// Of sixteen samples, those from whose hard shadow volumes a receiver is surely inside, and those from which it is surely
+    /// outside.
+    #[inline(always)]
+    pub(crate) fn hard_row(self, row: &HardRow, at: [f32; 3], turn: f32, sure: f32) -> (u32, u32) {
+        let mut inside = mask32x16::splat(self.0, true);
+        let mut outside = mask32x16::splat(self.0, false);
+        let [x, y, z] = [at[0] * turn, at[1] * turn, at[2] * turn];
+        for planes in &row.planes[..row.count] {
+            let sum = self.row(&planes[0]) * self.all(x)
+                + self.row(&planes[1]) * self.all(y)
+                + self.row(&planes[2]) * self.all(z)
+                + self.row(&planes[3]) * self.all(turn);
+            inside &= sum.simd_gt(self.all(sure));
+            outside |= sum.simd_lt(self.all(-sure));
+        }
+        (inside.to_bitmask() as u32, outside.to_bitmask() as u32)
     }
 
     /// Samples of a group that are above a receiver's horizon.
