@@ -41,14 +41,16 @@ fn main() {
         let stage = Stage::new(&loaded.scene);
         let pixels = stage.receivers(&loaded.camera, size);
         for (index, light) in stage.lights.iter().enumerate() {
-            let out = out.as_ref().map(|dir| dir.join(format!("{name}-{index}")));
+            let out = out
+                .as_ref()
+                .map(|dir: &PathBuf| dir.join(format!("{name}-{index}")));
             compare(
                 &format!("{name}, light {index}"),
                 &stage,
                 light,
                 &pixels,
                 &angles,
-                out,
+                out.as_deref(),
                 size,
             );
         }
@@ -164,13 +166,17 @@ fn compare(
     light: &Light,
     pixels: &[Option<Receiver>],
     angles: &[f32],
-    out: Option<PathBuf>,
+    out: Option<&std::path::Path>,
     size: u32,
 ) {
     let receivers: Vec<Receiver> = pixels.iter().flatten().copied().collect();
     let truth = measure::by_rays(&stage.world, light, &receivers, 1024, 7);
     let given = (&receivers[..], &truth[..]);
-    println!("{name}: {} receivers", receivers.len());
+    let triangles: usize = stage.meshes.iter().map(Vec::len).sum();
+    println!(
+        "{name}: {triangles} triangles, {} receivers",
+        receivers.len()
+    );
     let print = |what: &str, row: &measure::Row| {
         println!(
             "  {what:28} {:3} samples {:8} texels, build {:7.1} ms, look {:7.1} ms ({:6.0} ns), rms {:.4}, worst {:.3}, flagged {:.4}, {:.1} MB",

@@ -48,13 +48,10 @@ impl Arc {
         self.span >= TAU
     }
 
-    /// What two arcs share, if together they are shorter than a turn or one is a whole turn.
+    /// What two arcs share, if together they are shorter than a turn; else the second.
     fn intersection(self, other: Self) -> Self {
-        if self.is_full() {
+        if self.span + other.span >= TAU {
             return other;
-        }
-        if other.is_full() {
-            return self;
         }
         let middle = self.first + 0.5 * self.span;
         let shift = wrapped(other.first + 0.5 * other.span - middle);
@@ -64,6 +61,43 @@ impl Arc {
             first: start,
             span: (end - start).max(0.),
         }
+    }
+
+    /// The shortest arc with all of `arcs` in it; one without span if there are none.
+    fn around(mut arcs: Vec<Self>) -> Self {
+        for arc in &mut arcs {
+            arc.first = wrapped(arc.first);
+        }
+        arcs.sort_unstable_by(|a, b| a.first.total_cmp(&b.first));
+        // How far those that pass the end of the turn reach into the next.
+        let ends = arcs.iter().map(|arc| arc.first + arc.span - TAU);
+        let mut end = ends.fold(f32::NEG_INFINITY, f32::max);
+        let (mut first, mut gap) = (0., f32::NEG_INFINITY);
+        for arc in &arcs {
+            if arc.first - end > gap {
+                (first, gap) = (arc.first, arc.first - end);
+            }
+            end = end.max(arc.first + arc.span);
+        }
+        if arcs.is_empty() {
+            return Self {
+                first: 0.,
+                span: 0.,
+            };
+        }
+        if gap <= 0. {
+            return Self::FULL;
+        }
+        Self {
+            first,
+            span: TAU - gap,
+        }
+    }
+
+    /// Whether all of `other` is in this one.
+    pub(crate) fn holds(self, other: Self) -> bool {
+        let off = wrapped(other.first + 0.5 * other.span - self.first - 0.5 * self.span).abs();
+        self.is_full() || off + 0.5 * other.span <= 0.5 * self.span
     }
 }
 
@@ -131,9 +165,9 @@ impl Frame {
         }
     }
 
-    /// Half planes in which `light` shines on something in `bounds`.
-    pub(crate) fn lit_arc(&self, light: &Linear, bounds: &Bounds) -> Arc {
-        let arc = self.arc_of(bounds);
+    /// Half planes in which `light` shines on something in one of `boxes`.
+    pub(crate) fn lit_arc(&self, light: &Linear, boxes: &[Bounds]) -> Arc {
+        let arc = Arc::around(boxes.iter().map(|b| self.arc_of(b)).collect());
         if light.facing.is_none() {
             return arc;
         }
@@ -143,8 +177,15 @@ impl Frame {
         })
     }
 
-    /// Angles from the light's line, as seen from `x` on it, between which `bounds` lies; radians in [0, π].
-    pub(crate) fn angles_of(&self, bounds: &Bounds, x: f32) -> [f32; 2] {
+    /// Angles from the light's line, as seen from `x` on it, between which all of `boxes` lie; radians in [0, π].
+    pub(crate) fn angles_of(&self, boxes: &[Bounds], x: f32) -> [f32; 2] {
+        let angles = boxes.iter().map(|b| self.angles_of_box(b, x));
+        angles
+            .reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
+            .unwrap_or_default()
+    }
+
+    fn angles_of_box(&self, bounds: &Bounds, x: f32) -> [f32; 2] {
         let toward = (0.5 * (bounds.min + bounds.max) - self.middle)
             .reject_from_normalized(self.axis)
             .normalize_or_zero();
@@ -202,7 +243,7 @@ mod tests {
             box_at([-1., 2., -1.], [1., 4., 1.]),
         ] {
             let arc = frame.arc_of(&bounds);
-            let [low, high] = frame.angles_of(&bounds, 0.5);
+            let [low, high] = frame.angles_of(&[bounds], 0.5);
             for i in 0..11 * 11 * 11 {
                 let t = Vec3::new((i % 11) as f32, (i / 11 % 11) as f32, (i / 121) as f32) / 10.;
                 let p = frame.place(bounds.min + t * (bounds.max - bounds.min));
@@ -214,5 +255,27 @@ mod tests {
         }
         let passed = frame.arc_of(&box_at([-1., 2., -1.], [1., 4., 1.]));
         assert!(passed.is_full());
+    }
+
+    #[test]
+    fn the_shortest_arc_around_arcs_has_them_all() {
+        let arc = |first: f32, span: f32| Arc { first, span };
+        let close = |a: Arc, first: f32, span: f32| {
+            wrapped(a.first - first).abs() < 1e-5 && (a.span - span).abs() < 1e-5
+        };
+        assert!(close(Arc::around(vec![arc(1., 0.5)]), 1., 0.5));
+        assert!(close(
+            Arc::around(vec![arc(1., 0.5), arc(1.2, 0.1), arc(2., 0.5)]),
+            1.,
+            1.5
+        ));
+        assert!(close(
+            Arc::around(vec![arc(3., 0.5), arc(-2.5, 0.5)]),
+            3.,
+            TAU - 5.
+        ));
+        assert!(Arc::around(vec![arc(-3., 3.), arc(-0.5, 3.), arc(2., 2.)]).is_full());
+        assert!(Arc::around(vec![arc(0., 1.), Arc::FULL]).is_full());
+        assert!(arc(3., 1.).holds(arc(-3., 0.5)) && !arc(3., 1.).holds(arc(-3., 1.5)));
     }
 }

@@ -43,17 +43,10 @@ pub(crate) struct Between {
 }
 
 impl Grid {
-    /// Rows and columns that see all of `bounds`; coarser than asked for if a sample would have more texels than allowed.
-    pub(crate) fn new(frame: &Frame, light: &Linear, bounds: &Bounds, options: &Options) -> Self {
-        let arc = if bounds.is_empty() {
-            Arc {
-                first: 0.,
-                span: 0.,
-            }
-        } else {
-            frame.lit_arc(light, bounds)
-        };
-        let [low, high] = widest(frame, bounds);
+    /// Rows and columns that see all of `boxes`; coarser than asked for if a sample would have more texels than allowed.
+    pub(crate) fn new(frame: &Frame, light: &Linear, boxes: &[Bounds], options: &Options) -> Self {
+        let arc = frame.lit_arc(light, boxes);
+        let [low, high] = widest(frame, boxes);
         let wanted = options.texel_angle.clamp(1e-4, 0.5);
         let texels = arc.span / wanted * ((high - low) / wanted);
         let step = wanted * (texels / options.max_texels.max(16) as f32).max(1.).sqrt();
@@ -72,21 +65,30 @@ impl Grid {
         grid
     }
 
-    /// Columns for the sample at `x`, with room around `bounds` so that its outline has both sides in the map.
-    pub(crate) fn columns(&self, frame: &Frame, bounds: &Bounds, x: f32) -> Columns {
-        if bounds.is_empty() {
+    /// Columns for the sample at `x`, with room around `boxes` so that their outline has both sides in the map.
+    pub(crate) fn columns(&self, frame: &Frame, boxes: &[Bounds], x: f32) -> Columns {
+        if boxes.is_empty() {
             return Columns {
                 first_theta: 0.,
                 count: 0,
             };
         }
-        let [low, high] = frame.angles_of(bounds, x);
+        let [low, high] = frame.angles_of(boxes, x);
         let low = (low - 2. * self.column_step).max(0.);
         let high = (high + 2. * self.column_step).min(PI);
         Columns {
             first_theta: low,
             count: ((high - low) / self.column_step).ceil().max(1.) as usize,
         }
+    }
+
+    /// Whether half planes of `arc` are all among the rows, or are dark.
+    pub(crate) fn reaches(&self, arc: Arc) -> bool {
+        let own = Arc {
+            first: self.first_phi,
+            span: self.rows as f32 * self.row_step,
+        };
+        self.wraps || own.holds(arc)
     }
 
     /// Angle of a row's middle.
@@ -141,6 +143,11 @@ impl Grid {
 }
 
 impl Columns {
+    /// Whether the angles from `low` to `high` are all among the columns.
+    pub(crate) fn reach(&self, [low, high]: [f32; 2], step: f32) -> bool {
+        low >= self.first_theta && high <= self.first_theta + self.count as f32 * step
+    }
+
     /// Where `theta` is, in columns: a column's middle is a whole number.
     #[inline]
     pub(crate) fn at(&self, theta: f32, step: f32) -> f32 {
@@ -153,11 +160,8 @@ impl Columns {
 }
 
 /// Angles that any sample of the light may need.
-fn widest(frame: &Frame, bounds: &Bounds) -> [f32; 2] {
-    if bounds.is_empty() {
-        return [0., 0.];
-    }
-    let from = frame.angles_of(bounds, -frame.half_length);
-    let to = frame.angles_of(bounds, frame.half_length);
+fn widest(frame: &Frame, boxes: &[Bounds]) -> [f32; 2] {
+    let from = frame.angles_of(boxes, -frame.half_length);
+    let to = frame.angles_of(boxes, frame.half_length);
     [from[0].min(to[0]), from[1].max(to[1])]
 }

@@ -26,7 +26,8 @@ pub(crate) struct LinearMaps {
     light: Linear,
     frame: Frame,
     grid: Grid,
-    covered: Bounds,
+    /// Boxes that the maps see all of.
+    covered: Vec<Bounds>,
     whole_world: bool,
     /// Where background is, metres.
     far: f32,
@@ -54,7 +55,7 @@ pub(crate) struct Found {
 impl LinearMaps {
     pub(crate) fn build(world: &World, light: &Linear, options: &Options) -> Self {
         let frame = Frame::new(light);
-        let covered = options.receivers.unwrap_or_else(|| world.bounds());
+        let covered = options.receivers.map_or_else(|| boxes(world), |b| vec![b]);
         let grid = Grid::new(&frame, light, &covered, options);
         let mut maps = Self {
             light: *light,
@@ -145,13 +146,16 @@ impl LinearMaps {
     /// possible: not if the world has outgrown the maps.
     pub(crate) fn update(&mut self, world: &World, moved: &[Bounds]) -> bool {
         let bounds = world.bounds();
-        let grown = self.whole_world && bounds.union(self.covered) != self.covered;
-        let reach = farthest(&self.frame, &bounds);
-        if grown || reach > self.far {
+        let moved: Vec<Bounds> = moved.iter().copied().filter(|b| !b.is_empty()).collect();
+        let within = !self.whole_world || self.reach(&moved);
+        if !within || farthest(&self.frame, &bounds) > self.far {
             return false;
         }
+        if self.whole_world {
+            self.covered = boxes(world);
+        }
         let mut due = vec![false; self.grid.rows];
-        for bounds in moved.iter().filter(|b| !b.is_empty()) {
+        for bounds in &moved {
             let rows = self.grid.rows_of(self.frame.arc_of(bounds));
             due.iter_mut().zip(rows).for_each(|(due, row)| *due |= row);
         }
@@ -171,6 +175,19 @@ impl LinearMaps {
         }
         self.insert(world);
         true
+    }
+
+    /// Whether the maps see all of `boxes`.
+    fn reach(&self, boxes: &[Bounds]) -> bool {
+        let rows = boxes.iter().all(|b| {
+            let arc = self.frame.lit_arc(&self.light, std::slice::from_ref(b));
+            self.grid.reaches(arc)
+        });
+        let columns = self.samples.iter().all(|sample| {
+            let angles = self.frame.angles_of(boxes, sample.x);
+            sample.columns.reach(angles, self.grid.column_step)
+        });
+        rows && (boxes.is_empty() || columns)
     }
 
     /// What `receiver` sees of the light.
@@ -387,6 +404,12 @@ impl LinearMaps {
         let samples = pair.samples.map(|i| &self.samples[i]);
         self.drawer.at(samples, &pair.channels[row], row).values()
     }
+}
+
+/// Where things are.
+fn boxes(world: &World) -> Vec<Bounds> {
+    let boxes = (0..world.len() as u32).map(|i| world.instance_bounds(i));
+    boxes.filter(|bounds| !bounds.is_empty()).collect()
 }
 
 /// How far a box reaches from any place of the light, metres.

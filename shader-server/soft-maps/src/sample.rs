@@ -173,7 +173,7 @@ pub(crate) struct Sight {
     pub(crate) inverse: f32,
     /// Whether nothing is nearer in this direction.
     pub(crate) seen: bool,
-    /// The nearest column and the next nearest.
+    /// The two columns around it: first that with its surface, or the nearest if both have it.
     pub(crate) columns: [usize; 2],
     /// Whether the sample is in front of the surface tested.
     pub(crate) faces: bool,
@@ -230,7 +230,13 @@ impl Sample {
         let lower = at as usize;
         let upper = (lower + 1).min(self.columns.count.saturating_sub(1));
         let share = at - lower as f32;
-        let columns = if share < 0.5 {
+        let off = |column: usize| (self.rows[row].inverse[column] - inverse).abs();
+        // Beside a step one of the two is on another surface.
+        let lower_first = match off(lower).total_cmp(&off(upper)) {
+            _ if (off(lower) - off(upper)).abs() < 0.02 * inverse => share < 0.5,
+            order => order.is_lt(),
+        };
+        let columns = if lower_first {
             [lower, upper]
         } else {
             [upper, lower]

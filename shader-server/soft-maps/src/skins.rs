@@ -94,9 +94,9 @@ impl Drawing<'_> {
 
     /// Finds texels that the source does not see although no skin covers them: those beside a skin get it too.
     fn explain(&self, row: usize, marks: &mut [Mark]) {
-        for column in 0..marks.len() {
-            if marks[column] == LIT && self.hidden(row, column) {
-                marks[column] = UNEXPLAINED;
+        for (column, mark) in marks.iter_mut().enumerate() {
+            if *mark == LIT && self.hidden(row, column) {
+                *mark = UNEXPLAINED;
             }
         }
         let found: Vec<Mark> = marks.to_vec();
