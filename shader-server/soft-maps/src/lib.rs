@@ -99,7 +99,7 @@ impl Default for Options {
         Self {
             samples: 2,
             max_samples: 9,
-            texel_angle: 0.003,
+            texel_angle: 0.006,
             max_texels: 1 << 20,
             bias: 1.,
             refinements: 5,

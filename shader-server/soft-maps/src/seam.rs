@@ -12,9 +12,11 @@ const LEAST: usize = 3;
 pub(crate) struct Seam {
     /// First column and last.
     pub(crate) columns: [u32; 2],
+    /// Two columns a quarter of the run from its ends, which are often at corners.
+    places: [u32; 2],
     /// Where the outline is at these, as share of the way from one row to the other.
     share: [f32; 2],
-    /// Reciprocal distances of both rows at the first column and at the last.
+    /// Reciprocal distances of both rows at these.
     inverse: [[f32; 2]; 2],
 }
 
@@ -32,11 +34,14 @@ pub(crate) fn find(rows: [&[f32]; 4], step: f32, seams: &mut Vec<Seam>) {
         let here = if column < count { steps(column) } else { None };
         if here != side {
             if side.is_some() && column - start >= LEAST {
-                let ends = [start, column - 1];
+                let last = column - 1;
+                let inset = (last - start) / 4;
+                let places = [start + inset, last - inset];
                 seams.push(Seam {
-                    columns: ends.map(|c| c as u32),
+                    columns: [start, last].map(|c| c as u32),
+                    places: places.map(|c| c as u32),
                     share: [0.5; 2],
-                    inverse: ends.map(|c| [rows[1][c], rows[2][c]]),
+                    inverse: places.map(|c| [rows[1][c], rows[2][c]]),
                 });
             }
             (start, side) = (column, here);
@@ -45,8 +50,8 @@ pub(crate) fn find(rows: [&[f32]; 4], step: f32, seams: &mut Vec<Seam>) {
 }
 
 impl Seam {
-    /// Finds where between its rows, the first of which is at `phi`, the outline is at both ends of the run, with `halvings`
-    /// more distances each from `ask`, which takes a column and an angle.
+    /// Finds where between its rows, the first of which is at `phi`, the outline is at both places, with `halvings` more
+    /// distances each from `ask`, which takes a column and an angle.
     pub(crate) fn place(
         &mut self,
         phi: f32,
@@ -59,7 +64,7 @@ impl Seam {
             let [mut below, mut above] = self.inverse[end];
             for _ in 0..halvings {
                 let middle = 0.5 * (low + high);
-                let inverse = ask(self.columns[end] as usize, phi + middle * step);
+                let inverse = ask(self.places[end] as usize, phi + middle * step);
                 if (inverse - below).abs() < (inverse - above).abs() {
                     (low, below) = (middle, inverse);
                 } else {
@@ -77,10 +82,10 @@ impl Seam {
 pub(crate) fn side(seams: &[Seam], column: usize, share: f32) -> Option<usize> {
     let after = seams.partition_point(|seam| (seam.columns[1] as usize) < column);
     let seam = seams.get(after)?;
-    let [first, last] = seam.columns.map(|c| c as f32);
-    let along = (column as f32 - first) / (last - first).max(1.);
+    let [from, to] = seam.places.map(|c| c as f32);
+    let along = (column as f32 - from) / (to - from).max(1.);
     let there = seam.share[0] + (seam.share[1] - seam.share[0]) * along;
-    (along >= 0.).then(|| usize::from(share >= there))
+    (column >= seam.columns[0] as usize).then(|| usize::from(share >= there))
 }
 
 #[cfg(test)]

@@ -112,3 +112,26 @@ fn the_error_is_that_of_the_slope_and_two_texels() {
         }
     }
 }
+
+#[test]
+fn a_hard_shadow_is_where_it_belongs() {
+    // A blocker's edge along the light, at z = 0.3: its shadow's is at z = 0.3·HEIGHT/(HEIGHT − EDGE).
+    let blocker = sheet(vec3(-1., EDGE, -3.), Vec3::X * 2., Vec3::Z * 3.3);
+    let plane = sheet(vec3(-8., 0., -8.), Vec3::X * 16., Vec3::Z * 16.);
+    let world = World::new(vec![plane, blocker]);
+    let border = 0.3 * HEIGHT / (HEIGHT - EDGE);
+    for texel_angle in [0.02, 0.013, 0.01, 0.007] {
+        let options = Options {
+            texel_angle,
+            ..Options::default()
+        };
+        let maps = SoftMaps::build(&world, &Light::Segment(light()), &options).unwrap();
+        // A texel is texel_angle·HEIGHT wide there; five halvings leave a thirty-second of it.
+        let off = texel_angle * HEIGHT / 16.;
+        for x in [-0.4, 0., 0.1, 0.5] {
+            let inside = maps.fraction(&receiver(0., x, border - off)).share;
+            let outside = maps.fraction(&receiver(0., x, border + off)).share;
+            assert_eq!((inside, outside), (0., 1.), "texel {texel_angle}, x {x}");
+        }
+    }
+}
