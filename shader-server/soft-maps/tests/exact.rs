@@ -60,7 +60,8 @@ fn truth(slope: f32) -> Vec<(Receiver, f32)> {
 
 /// Largest and mean error.
 fn errors(slope: f32, truth: &[(Receiver, f32)], options: &Options) -> (f32, f32) {
-    let maps = SoftMaps::build(&world(slope), &Light::Segment(light()), options).unwrap();
+    let maps =
+        SoftMaps::build(&world(slope), &Light::Segment(light()), options).expect("a sound light");
     let stats = maps.stats();
     // Where a strip of the plane one texel wide shows between blocker and background, its outline is missed.
     assert!(10 * stats.undersampled < stats.penumbral, "{stats:?}");
