@@ -9,7 +9,7 @@ use glam::{Affine3A, Mat3A, Vec3};
 use protocol::scene::{self, Scene};
 use rayon::prelude::*;
 use rays::{Ray, TriangleMesh, World};
-use soft_maps::{Light, Options, Receiver, Transition, measure};
+use soft_maps::{Light, Receiver, measure};
 
 fn main() {
     let mut size = 256;
@@ -177,9 +177,12 @@ fn compare(
         "{name}: {triangles} triangles, {} receivers",
         receivers.len()
     );
-    let print = |what: &str, row: &measure::Row| {
+    let measured = measure::compare(&stage.world, light, given, angles).expect("a sound light");
+    for one in measured {
+        let row = &one.row;
         println!(
-            "  {what:28} {:3} samples {:8} texels, build {:7.1} ms, look {:7.1} ms ({:6.0} ns), rms {:.4}, worst {:.3}, flagged {:.4}, {:.1} MB",
+            "  {:24} {:3} samples {:8} texels, build {:7.1} ms, look {:7.1} ms ({:6.0} ns), rms {:.4}, worst {:.3}, flagged {:.4}, {:.1} MB",
+            one.name,
             row.samples,
             row.texels,
             row.build_s * 1e3,
@@ -190,43 +193,12 @@ fn compare(
             row.flagged,
             row.bytes as f64 / 1e6
         );
-    };
-    for count in [4, 9, 16, 36, 64, 144, 256] {
-        print("rays", &measure::rays(&stage.world, light, given, count));
-    }
-    let plain = |transition, refinements, samples, max_samples, texel_angle| Options {
-        transition,
-        refinements,
-        samples,
-        max_samples,
-        texel_angle,
-        max_texels: 1 << 23,
-        ..Options::default()
-    };
-    for &angle in angles {
-        for (what, options) in [
-            ("paper, 2", plain(Transition::Linear, 0, 2, 2, angle)),
-            ("paper, 3", plain(Transition::Linear, 0, 3, 3, angle)),
-            ("rational, 2", plain(Transition::Rational, 5, 2, 2, angle)),
-            ("rational, 3", plain(Transition::Rational, 5, 3, 3, angle)),
-            (
-                "rational, 2 to 9",
-                plain(Transition::Rational, 5, 2, 9, angle),
-            ),
-        ] {
-            let measured = measure::maps(&stage.world, light, given, &options);
-            let (row, shares) = measured.expect("a sound light");
-            print(&format!("{what}, texel {angle}"), &row);
-            if let Some(out) = &out {
-                let file = format!(
-                    "{}-{}-{angle}.png",
-                    out.display(),
-                    what.replace([',', ' '], "")
-                );
-                picture(pixels, size, &truth, &shares)
-                    .save(file)
-                    .expect("a folder");
-            }
+        if let (Some(out), false) = (out, one.shares.is_empty()) {
+            let name = one.name.replace([',', ' '], "");
+            let file = format!("{}-{name}.png", out.display());
+            picture(pixels, size, &truth, &one.shares)
+                .save(file)
+                .expect("a folder");
         }
     }
 }

@@ -6,7 +6,7 @@ use glam::Vec3;
 use rayon::prelude::*;
 use rays::{Ray, Recent, World};
 
-use crate::{BuildError, Light, Options, Receiver, SoftMaps, light::Linear};
+use crate::{BuildError, Light, Options, Receiver, SoftMaps, Transition, light::Linear};
 
 /// One way to find visibility, measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -37,8 +37,7 @@ impl Row {
     }
 }
 
-/// Shares of `light` that reach `receivers`, by `count` stratified shadow rays each, of which full light and full shadow
-/// take no fewer. Strata of a polygon are a grid, so that the next lower square number of rays is taken; `seed` jitters.
+/// Shares of `light` that reach `receivers`, by `count` stratified shadow rays each: no fewer in full light or full shadow. Strata of a polygon are a grid, so that the next lower square number of rays is taken; `seed` jitters.
 #[must_use]
 pub fn by_rays(
     world: &World,
@@ -110,6 +109,64 @@ pub fn maps(
         bytes: stats.bytes,
     };
     Ok((row, shares))
+}
+
+/// A measured way, by name, and the shares it gave.
+#[derive(Clone, Debug, Default)]
+pub struct Measured {
+    /// For tables.
+    pub name: String,
+    /// What it cost and how wrong it was.
+    pub row: Row,
+    /// Of each receiver.
+    pub shares: Vec<f32>,
+}
+
+/// Measures shadow rays by numbers of them, then maps with texels of each of `texel_angles`: as the paper has them with two and
+/// three samples, with this crate's refinements, and with samples put where they are needed.
+///
+/// # Errors
+/// The light makes no sense.
+pub fn compare(
+    world: &World,
+    light: &Light,
+    (receivers, truth): (&[Receiver], &[f32]),
+    texel_angles: &[f32],
+) -> Result<Vec<Measured>, BuildError> {
+    let mut all = Vec::new();
+    for count in [4, 9, 16, 36, 64, 144, 256] {
+        all.push(Measured {
+            name: format!("rays, {count}"),
+            row: rays(world, light, (receivers, truth), count),
+            shares: Vec::new(),
+        });
+    }
+    for &texel_angle in texel_angles {
+        for (name, transition, refinements, samples, max_samples) in [
+            ("paper, 2", Transition::Linear, 0, 2, 2),
+            ("paper, 3", Transition::Linear, 0, 3, 3),
+            ("refined, 2", Transition::Rational, 5, 2, 2),
+            ("refined, 3", Transition::Rational, 5, 3, 3),
+            ("refined, 2 to 9", Transition::Rational, 5, 2, 9),
+        ] {
+            let options = Options {
+                transition,
+                refinements,
+                samples,
+                max_samples,
+                texel_angle,
+                max_texels: 1 << 23,
+                ..Options::default()
+            };
+            let (row, shares) = maps(world, light, (receivers, truth), &options)?;
+            all.push(Measured {
+                name: format!("{name}, {texel_angle}"),
+                row,
+                shares,
+            });
+        }
+    }
+    Ok(all)
 }
 
 /// Root mean square and largest of the differences.
