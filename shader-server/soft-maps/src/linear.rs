@@ -26,6 +26,8 @@ pub(crate) struct LinearMaps {
     light: Linear,
     frame: Frame,
     grid: Grid,
+    /// Of each row, the unit vector away from the light's line.
+    radials: Vec<Vec3>,
     /// Boxes that the maps see all of.
     covered: Vec<Bounds>,
     whole_world: bool,
@@ -61,6 +63,9 @@ impl LinearMaps {
             light: *light,
             frame,
             grid,
+            radials: (0..grid.rows)
+                .map(|row| frame.radial(grid.phi(row)))
+                .collect(),
             covered,
             far: 2. * farthest(&frame, &world.bounds()),
             whole_world: options.receivers.is_none(),
@@ -203,10 +208,14 @@ impl LinearMaps {
             return self.look_from_point(receiver, place.flat, &between);
         }
         let mut parts = [[Parts::ALL; MAX_SAMPLES]; 2];
-        let side = self.side_of_seams(place.flat, &between);
+        let mut thetas = [0.; MAX_SAMPLES];
+        for (theta, sample) in thetas.iter_mut().zip(&self.samples) {
+            *theta = sample.theta(place.flat);
+        }
+        let side = self.side_of_seams(&thetas, &between);
         for (i, (parts, row)) in parts.iter_mut().zip(between.rows).enumerate() {
             if side.is_none_or(|side| side == i) {
-                self.look_in_row(receiver, place.flat, row, parts, &mut found);
+                self.look_in_row(receiver, (place.flat, &thetas), row, parts, &mut found);
             }
         }
         if let Some(side) = side {
@@ -262,15 +271,14 @@ impl LinearMaps {
     }
 
     /// Which of the rows is on the receiver's side of an outline between them, if a sample sees one there.
-    fn side_of_seams(&self, flat: Vec2, between: &Between) -> Option<usize> {
+    fn side_of_seams(&self, thetas: &[f32], between: &Between) -> Option<usize> {
         let step = self.grid.column_step;
-        self.samples.iter().find_map(|sample| {
+        self.samples.iter().zip(thetas).find_map(|(sample, theta)| {
             let seams = &sample.seams[between.rows[0]];
             if seams.is_empty() {
                 return None;
             }
-            let p = sample.relative(flat);
-            let column = sample.columns.at(p.y.atan2(p.x), step).round().max(0.);
+            let column = sample.columns.at(*theta, step).round().max(0.);
             seam::side(seams, column as usize, between.second)
         })
     }
@@ -278,15 +286,14 @@ impl LinearMaps {
     fn look_in_row(
         &self,
         receiver: &Receiver,
-        flat: Vec2,
+        (flat, thetas): (Vec2, &[f32; MAX_SAMPLES]),
         row: usize,
         parts: &mut [Parts; MAX_SAMPLES],
         found: &mut Found,
     ) {
-        let radial = self.frame.radial(self.grid.phi(row));
         let mut before: Option<Sight> = None;
         for (index, sample) in self.samples.iter().enumerate() {
-            let sight = self.sight(receiver, flat, row, radial, sample);
+            let sight = self.sight(receiver, (flat, thetas[index]), row, sample);
             if !sight.seen {
                 found.block(sample.blocker(row, &sight));
             }
@@ -305,15 +312,14 @@ impl LinearMaps {
     fn sight(
         &self,
         receiver: &Receiver,
-        flat: Vec2,
+        (flat, theta): (Vec2, f32),
         row: usize,
-        radial: Vec3,
         sample: &Sample,
     ) -> Sight {
         let p = sample.relative(flat);
         let squared = p.length_squared();
         let inverse = 1. / squared.sqrt().max(f32::MIN_POSITIVE);
-        let theta = p.y.atan2(p.x);
+        let radial = self.radials[row];
         // The row is beside the receiver: its surface goes on there by its plane, unless that is seen too steeply.
         let direction = self.frame.axis * (p.x * inverse) + radial * (p.y * inverse);
         let normal = receiver.face_normal;
@@ -336,13 +342,13 @@ impl LinearMaps {
             ..Found::default()
         };
         let sample = &self.samples[0];
-        let weights = match self.side_of_seams(flat, between) {
+        let theta = sample.theta(flat);
+        let weights = match self.side_of_seams(&[theta], between) {
             Some(side) => [1. - side as f64, side as f64],
             None => [1. - between.second, between.second].map(f64::from),
         };
         for (row, weight) in between.rows.iter().zip(weights) {
-            let radial = self.frame.radial(self.grid.phi(*row));
-            let sight = self.sight(receiver, flat, *row, radial, sample);
+            let sight = self.sight(receiver, (flat, theta), *row, sample);
             if sight.seen {
                 found.seen += weight;
             } else {

@@ -212,6 +212,12 @@ impl Sample {
         flat - Vec2::new(self.x, 0.)
     }
 
+    /// The direction of a point of a half plane from the sample, as angle to the light's line.
+    pub(crate) fn theta(&self, flat: Vec2) -> f32 {
+        let p = self.relative(flat);
+        p.y.atan2(p.x)
+    }
+
     /// Tests a surface in the direction `theta` against the depths of `row`; of it the reciprocal distance is `inverse`.
     /// It counts as seen if it is not farther than the depth there by more than the share `bias`.
     #[inline]
