@@ -46,7 +46,8 @@ impl Counts {
         }
     }
 
-    pub(crate) fn add(&mut self, other: &Self) {
+    /// Adds what another batch took.
+    pub fn add(&mut self, other: &Self) {
         self.polygons += other.polygons;
         self.pairs += other.pairs;
         self.groups += other.groups;

@@ -43,8 +43,9 @@ impl Costs {
         packets: true,
     };
 
-    /// What casting took, by its counts.
-    pub(crate) fn casting_ns(&self, counts: &Counts) -> f64 {
+    /// What casting takes, by its counts; nanoseconds of one thread.
+    #[must_use]
+    pub fn casting_ns(&self, counts: &Counts) -> f64 {
         counts.polygons as f64 * self.polygon_ns
             + counts.pairs as f64 * self.pair_ns
             + counts.groups as f64 * self.group_ns

@@ -62,6 +62,7 @@ thread_local! {
 }
 
 /// Penumbra casting for one light.
+#[derive(Clone)]
 pub(super) struct Casting {
     caster: Caster,
     /// What rays and casting cost, where tiles may choose between them.
@@ -107,6 +108,11 @@ impl Casting {
         }
     }
 
+    /// How the light is sampled.
+    pub(super) fn sampling(&self) -> Sampling {
+        self.caster.light().sampling()
+    }
+
     /// Memory, bytes.
     pub(super) fn bytes(&self) -> usize {
         self.caster.bytes()
@@ -147,6 +153,7 @@ impl Visibility for Casting {
             asked.seen = *share;
         }
         shadows.rays += seen.counts.rays;
+        shadows.cast.add(&seen.counts);
         shadows.met.extend_from_slice(&seen.pairs);
         SCRATCH.set(Some(scratch));
     }

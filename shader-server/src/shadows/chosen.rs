@@ -9,26 +9,14 @@ use protocol::{
 };
 
 use rays::Bounds;
-use soft_maps::{Options, Transition};
 
 use super::{
     Asked, ShadowRays, Shadows, Visibility,
+    automatic::Terms,
     casting::{Blockers, Casting},
-    mapping::Mapping,
+    mapping::{self, Mapping},
 };
 use crate::{lights::Shape, stage::Stage};
-
-/// Maps that take a second or so to trace and some ten megabytes a light.
-const MAPS: Options = Options {
-    samples: 2,
-    max_samples: 5,
-    texel_angle: 0.004,
-    max_texels: 1 << 17,
-    bias: 1.,
-    refinements: 5,
-    transition: Transition::Rational,
-    receivers: None,
-};
 
 /// How a display wants the visibility of lights found.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,7 +31,7 @@ pub struct Wish {
 impl Default for Wish {
     fn default() -> Self {
         Self {
-            error: 0.02,
+            error: 0.01,
             methods: Vec::new(),
         }
     }
@@ -62,16 +50,16 @@ pub struct ShadowOptions {
 
 /// One light's method.
 #[derive(Clone)]
-enum Way {
+pub(super) enum Way {
     Rays(ShadowRays),
     Casting(Arc<Casting>),
     Maps(Arc<Mapping>),
 }
 
 #[derive(Clone)]
-struct Choice {
-    way: Way,
-    why: String,
+pub(super) struct Choice {
+    pub(super) way: Way,
+    pub(super) why: String,
 }
 
 /// The methods of a scene's lights.
@@ -109,13 +97,22 @@ impl Chosen {
         lights: &[LightMove],
     ) -> Self {
         let bounds = |stage: &Stage, object| stage.world().instance_bounds(object);
-        let moved: Vec<u32> = objects.iter().map(|change| change.object).collect();
+        let changed = |light: usize| lights.iter().any(|change| change.light as usize == light);
+        // Lights that block are in each other's way.
+        let lights_moved = lights.iter().filter_map(|change| {
+            match &stage.emitters()[change.light as usize].shape {
+                Shape::Polygon(polygon) => Some(polygon.instance),
+                Shape::Point(_) | Shape::Segment(..) => None,
+            }
+        });
+        let objects_moved: Vec<u32> = objects.iter().map(|change| change.object).collect();
+        let (mut moved, known) = (objects_moved.clone(), objects_moved.len());
+        moved.extend(lights_moved);
         let places: Vec<Bounds> = moved
             .iter()
-            .flat_map(|object| [bounds(before, *object), bounds(stage, *object)])
+            .flat_map(|instance| [bounds(before, *instance), bounds(stage, *instance)])
             .collect();
-        // Lights that block are blockers of the other lights.
-        let lights_moved = !lights.is_empty();
+        let blockers_changed = moved.len() > known;
         let mut chosen = Self {
             options: self.options,
             wish: self.wish.clone(),
@@ -123,21 +120,40 @@ impl Chosen {
             lights: Vec::with_capacity(self.lights.len()),
         };
         for (light, choice) in self.lights.iter().enumerate() {
-            let next = match &choice.way {
-                Way::Rays(_) => choice.clone(),
-                _ if lights_moved => chosen.choose(stage, light),
-                Way::Casting(casting) => Choice {
-                    way: Way::Casting(Arc::new(casting.after(stage, &moved))),
-                    why: choice.why.clone(),
-                },
-                Way::Maps(maps) => Choice {
-                    way: Way::Maps(Arc::new(maps.after(stage, &places))),
-                    why: choice.why.clone(),
-                },
+            let way = match &choice.way {
+                Way::Rays(rays) => Way::Rays(*rays),
+                Way::Casting(casting) if changed(light) || blockers_changed => {
+                    chosen.cast_again(stage, light, casting)
+                }
+                Way::Casting(casting) => {
+                    Way::Casting(Arc::new(casting.after(stage, &objects_moved)))
+                }
+                Way::Maps(maps) if changed(light) => chosen.map_again(stage, light, maps),
+                Way::Maps(maps) => Way::Maps(Arc::new(maps.after(stage, &places))),
             };
-            chosen.lights.push(next);
+            let why = choice.why.clone();
+            chosen.lights.push(Choice { way, why });
         }
         chosen
+    }
+
+    /// Casting as before for a light or among blockers that are not as before.
+    fn cast_again(&mut self, stage: &Stage, light: usize, before: &Casting) -> Way {
+        let blockers = self.blockers.get_or_insert_with(|| Blockers::new(stage));
+        let emitter = &stage.emitters()[light];
+        let casting = Casting::new(stage, blockers, emitter, before.sampling(), None);
+        casting.map_or(Way::Rays(self.options.rays), |casting| {
+            Way::Casting(Arc::new(casting))
+        })
+    }
+
+    /// Maps as before for a light that is not as before.
+    fn map_again(&self, stage: &Stage, light: usize, before: &Mapping) -> Way {
+        let emitter = &stage.emitters()[light];
+        match Mapping::new(stage, emitter, before.options()) {
+            Ok(Some(maps)) => Way::Maps(Arc::new(maps)),
+            Ok(None) | Err(_) => Way::Rays(self.options.rays),
+        }
     }
 
     fn choose(&mut self, stage: &Stage, light: usize) -> Choice {
@@ -147,11 +163,24 @@ impl Chosen {
             forced => (forced, "the server's setting"),
         };
         match wanted {
-            ShadowMethod::Auto => self.rays("the only method that fits every light"),
+            ShadowMethod::Auto => self.automatic(stage, light),
             ShadowMethod::Rays => self.rays(by),
             ShadowMethod::Penumbra => self.casting(stage, light, by),
             ShadowMethod::SoftMap => self.mapping(stage, light, by),
         }
+    }
+
+    fn automatic(&mut self, stage: &Stage, light: usize) -> Choice {
+        if matches!(stage.emitters()[light].shape, Shape::Point(_)) {
+            return self.rays("a ray tells all of a point");
+        }
+        let terms = Terms {
+            stage,
+            rays: self.options.rays,
+            error: f64::from(self.wish.error),
+            steady: self.options.steady,
+        };
+        terms.choose(light, &mut self.blockers)
     }
 
     fn rays(&self, why: &str) -> Choice {
@@ -185,7 +214,7 @@ impl Chosen {
 
     fn mapping(&self, stage: &Stage, light: usize, by: &str) -> Choice {
         let emitter = &stage.emitters()[light];
-        match Mapping::new(stage, emitter, &MAPS) {
+        match Mapping::new(stage, emitter, &mapping::OPTIONS) {
             Ok(Some(maps)) => {
                 let stats = maps.stats();
                 Choice {

@@ -182,6 +182,7 @@ pub(super) fn fraction(
     stream: &mut Stream,
     shadows: &mut Shadows,
 ) -> f32 {
+    shadows.drawn += shadows.between.len() as u64;
     let [corner, ..] = shape.enclosing();
     let towards = (corner - receiver.position).dot(receiver.face_normal.as_dvec3());
     let lift = f64::from(receiver.clearance).copysign(towards);

@@ -1,7 +1,7 @@
 //! Visibility by soft shadow maps: traced once for a light, asked by every receiver.
 
 use rays::Bounds;
-use soft_maps::{BuildError, Light, Options, Receiver, SoftMaps, Stats};
+use soft_maps::{BuildError, Light, Options, Receiver, SoftMaps, Stats, Transition};
 
 use super::{Asked, Shadows, Visibility};
 use crate::{
@@ -9,10 +9,23 @@ use crate::{
     stage::Stage,
 };
 
+/// Maps that take a second or so to trace and some ten megabytes a light.
+pub(super) const OPTIONS: Options = Options {
+    samples: 2,
+    max_samples: 5,
+    texel_angle: 0.004,
+    max_texels: 1 << 17,
+    bias: 1.,
+    refinements: 5,
+    transition: Transition::Rational,
+    receivers: None,
+};
+
 /// Soft shadow maps of one light.
 #[derive(Clone)]
 pub(super) struct Mapping {
     maps: SoftMaps,
+    options: Options,
 }
 
 impl Mapping {
@@ -29,7 +42,10 @@ impl Mapping {
             return Ok(None);
         };
         let maps = SoftMaps::build(stage.world(), &light, options)?;
-        Ok(Some(Self { maps }))
+        Ok(Some(Self {
+            maps,
+            options: options.clone(),
+        }))
     }
 
     /// The same where nothing but objects has moved: from and to the boxes `moved`.
@@ -37,6 +53,11 @@ impl Mapping {
         let mut next = self.clone();
         next.maps.update(stage.world(), moved);
         next
+    }
+
+    /// How they are made.
+    pub(super) fn options(&self) -> &Options {
+        &self.options
     }
 
     /// What the maps hold.

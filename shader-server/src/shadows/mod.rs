@@ -4,10 +4,12 @@
 //! are the one that fits everything.
 
 mod area;
+mod automatic;
 mod casting;
 mod chosen;
 mod cover;
 mod mapping;
+mod pilot;
 mod shadow_rays;
 
 pub use self::{
@@ -24,6 +26,17 @@ use crate::{
     stage::Stage,
 };
 
+/// What was done to find visibility.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Work {
+    /// Shadow rays.
+    pub(crate) rays: u64,
+    /// Faces drawn onto lights.
+    pub(crate) drawn: u64,
+    /// Penumbrae cast.
+    pub(crate) casting: penumbra::Counts,
+}
+
 /// What one question about visibility came to.
 #[derive(Clone, Debug, Default)]
 pub struct Shadows {
@@ -35,11 +48,22 @@ pub struct Shadows {
     pub rays: u64,
     /// Faces that may be between a receiver and a light, as (instance, face).
     pub(crate) between: Vec<(u32, u32)>,
+    /// Faces drawn onto lights, and penumbrae cast, since this was made.
+    pub(crate) drawn: u64,
+    pub(crate) cast: penumbra::Counts,
     /// What blocked last; blockers of one light and point are often the same.
     pub(crate) recent: Recent,
 }
 
 impl Shadows {
+    pub(crate) fn work(&self) -> Work {
+        Work {
+            rays: self.rays,
+            drawn: self.drawn,
+            casting: self.cast,
+        }
+    }
+
     pub(crate) fn block(&mut self, instance: u32) {
         if !self.blockers.contains(&instance) {
             self.blockers.push(instance);
