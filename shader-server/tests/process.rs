@@ -62,7 +62,7 @@ fn it_says_where_it_listens_and_ends_with_its_parent() {
 fn what_the_user_can_mend_has_code_2() {
     for (args, expected) in [
         (["--listen", "0.0.0.0:0"], "not a loopback address"),
-        (["--shadows", "soft-map"], "use auto or rays"),
+        (["--shadows", "maps"], "invalid value"),
         (["--listen", "127.0.0.1:99999"], "invalid value"),
     ] {
         let (code, text) = exit_code(program(&args).spawn().unwrap());
