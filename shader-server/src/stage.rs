@@ -154,7 +154,7 @@ impl Stage {
         stage.world.refit();
         moved.lights = !lights.is_empty();
         if let Some(cache) = &self.irradiance {
-            let next = cache.after(self, &moved, diagonal_m(&stage.world));
+            let next = cache.after([self, &stage], &moved, diagonal_m(&stage.world));
             stage.irradiance = Some(Arc::new(next));
         }
         Ok(stage)
@@ -237,6 +237,14 @@ impl Stage {
     pub fn light_of(&self, instance: u32) -> Option<u32> {
         let after = (instance as usize).checked_sub(self.placements.len())?;
         self.light_of_instance.get(after).copied()
+    }
+
+    /// Faces of an object; nothing for lights.
+    #[must_use]
+    pub fn face_count(&self, instance: u32) -> Option<u32> {
+        let placement = self.placements.get(instance as usize)?;
+        let mesh = self.scene.meshes.get(placement.mesh as usize)?;
+        Some(mesh.faces.len() as u32)
     }
 
     /// The corners of an object's face, world space; nothing for lights.

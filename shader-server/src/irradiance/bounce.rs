@@ -1,14 +1,20 @@
 //! What a ray that gathers light brings back.
 
 use glam::{DVec3, Vec3};
-use rays::{Ray, Recent};
+use rays::{Hit, Ray, Recent};
 
 use crate::{
-    lights::{Emitter, Receiver},
+    lights::{Emitter, Receiver, Shape},
     random::Stream,
     shadows::{self, Shadows},
     stage::Stage,
 };
+
+/// Square of the distance, in radii, within which a light is not taken for its middle.
+const NEAR_LIGHT: f64 = 9.;
+
+/// Height above the horizon that a low light's middle is taken to have at least, radii.
+const LOW: f64 = 0.25;
 
 /// A surface that a gathering ray met.
 #[derive(Clone, Copy, Debug)]
@@ -21,15 +27,53 @@ pub(crate) struct Bounce {
     pub(crate) direct: Vec3,
 }
 
-/// A gathering ray's end.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Arrival {
-    /// Metres, infinite where nothing is met.
-    pub(crate) distance_m: f32,
-    /// What is met, object or light.
-    pub(crate) instance: Option<u32>,
-    /// The surface, unless that is a light or nothing.
-    pub(crate) bounce: Option<Bounce>,
+/// An area light as its middle sees it.
+struct Size {
+    middle: DVec3,
+    radius_m: f64,
+    area_m2: f64,
+}
+
+impl Size {
+    fn of(emitter: &Emitter) -> Self {
+        let vertices = match &emitter.shape {
+            Shape::Polygon(shape) => shape.vertices.as_slice(),
+            Shape::Point(_) | Shape::Segment(..) => &[],
+        };
+        let middle = vertices.iter().sum::<DVec3>() / vertices.len().max(1) as f64;
+        let radius = |v: &DVec3| v.distance(middle);
+        let corners = vertices
+            .windows(2)
+            .zip(vertices.first().into_iter().cycle());
+        let area: DVec3 = corners
+            .map(|(v, first)| (v[0] - first).cross(v[1] - first))
+            .sum();
+        Self {
+            middle,
+            radius_m: vertices.iter().map(radius).fold(0., f64::max),
+            area_m2: 0.5 * area.length(),
+        }
+    }
+
+    /// About what a light of strength 1 would give; nothing only where it gives nothing.
+    fn about(&self, emitter: &Emitter, receiver: &Receiver) -> f32 {
+        let Shape::Polygon(shape) = &emitter.shape else {
+            return emitter.unoccluded(receiver) as f32;
+        };
+        let to = self.middle - receiver.position;
+        let squared = to.length_squared();
+        let radius = self.radius_m;
+        if squared < NEAR_LIGHT * radius * radius {
+            return emitter.unoccluded(receiver) as f32;
+        }
+        let (up, out) = (to.dot(receiver.normal), -to.dot(shape.normal));
+        if up < -radius || out <= 0. {
+            return 0.;
+        }
+        // Low lights are partly above the horizon.
+        let up = up.max(LOW * radius);
+        (self.area_m2 * up * out / (squared * squared)) as f32
+    }
 }
 
 /// Traces gathering rays; notes which instances had a say.
@@ -38,8 +82,12 @@ pub(crate) struct Gatherer<'a> {
     shadows: Shadows,
     /// Instances met by rays and by shadow rays, each once.
     pub(crate) met: Vec<u32>,
-    /// What each light would give to the point at hand, W/m² for strength 1.
-    unoccluded: Vec<f32>,
+    /// The same as a set, a bit each.
+    seen: Vec<u64>,
+    /// By light.
+    sizes: Vec<Size>,
+    /// About what each light would give to the point at hand, W/m².
+    chances: Vec<f32>,
     rays: u64,
 }
 
@@ -49,7 +97,9 @@ impl<'a> Gatherer<'a> {
             stage,
             shadows: Shadows::default(),
             met: Vec::new(),
-            unoccluded: Vec::new(),
+            seen: vec![0; stage.world().len().div_ceil(64)],
+            sizes: stage.emitters().iter().map(Size::of).collect(),
+            chances: vec![0.; stage.emitters().len()],
             rays: 0,
         }
     }
@@ -59,78 +109,70 @@ impl<'a> Gatherer<'a> {
         self.rays + self.shadows.rays
     }
 
-    /// Follows a unit direction from `from`.
-    pub(crate) fn follow(
-        &mut self,
-        from: &Receiver,
-        direction: DVec3,
-        stream: &mut Stream,
-    ) -> Arrival {
-        let ray = leaving(from, direction);
+    /// What a ray in a unit direction from `from` meets.
+    pub(crate) fn follow(&mut self, from: &Receiver, direction: DVec3) -> Option<Hit> {
         self.rays += 1;
-        let Some(hit) = self.stage.world().closest(&ray, f32::INFINITY) else {
-            return Arrival {
-                distance_m: f32::INFINITY,
-                instance: None,
-                bounce: None,
-            };
-        };
+        let ray = leaving(from, direction);
+        let hit = self.stage.world().closest(&ray, f32::INFINITY)?;
         self.note(hit.instance);
-        let bounce = if self.stage.light_of(hit.instance).is_some() {
-            None
-        } else {
-            self.stage.surface(&hit).map(|surface| {
-                let receiver = surface.seen_along(direction, hit.instance, hit.face);
-                let direct = self.direct(&receiver, stream);
-                Bounce {
-                    receiver,
-                    albedo: surface.albedo(),
-                    direct,
-                }
-            })
-        };
-        Arrival {
-            distance_m: hit.t,
-            instance: Some(hit.instance),
-            bounce,
-        }
+        Some(hit)
     }
 
-    /// Direct irradiance at `receiver`: a light is picked in proportion to what it would give, and one ray asks a random
-    /// place of it whether it is seen. Bounded by what all lights give, so that no single ray is far too bright.
+    /// The surface at a hit, with the direct light that falls there; nothing at a light.
+    pub(crate) fn bounce(
+        &mut self,
+        hit: &Hit,
+        direction: DVec3,
+        stream: &mut Stream,
+    ) -> Option<Bounce> {
+        let surface = self.stage.surface(hit)?;
+        let receiver = surface.seen_along(direction, hit.instance, hit.face);
+        let direct = self.direct(&receiver, stream);
+        Some(Bounce {
+            receiver,
+            albedo: surface.albedo(),
+            direct,
+        })
+    }
+
+    /// Direct irradiance at `receiver`: a light is picked in about the proportion of what it would give, and one ray asks a
+    /// random place of it whether it is seen.
     fn direct(&mut self, receiver: &Receiver, stream: &mut Stream) -> Vec3 {
         let emitters = self.stage.emitters();
-        self.unoccluded.clear();
-        let given = emitters.iter().map(|e| e.unoccluded(receiver) as f32);
-        self.unoccluded.extend(given);
-        let amounts = || emitters.iter().zip(&self.unoccluded);
-        let weight = |(e, u): (&Emitter, &f32)| u * e.strength.max_element();
-        let total: f32 = amounts().map(weight).sum();
+        let mut total = 0.;
+        for ((chance, emitter), seen) in self.chances.iter_mut().zip(emitters).zip(&self.sizes) {
+            *chance = seen.about(emitter, receiver) * emitter.strength.max_element();
+            total += *chance;
+        }
         let wanted = stream.unit() * total;
         let mut before = 0.;
-        let picked = amounts().find(|pair| {
-            before += weight(*pair);
+        let picked = emitters.iter().zip(&self.chances).find(|(_, chance)| {
+            before += **chance;
             before > wanted
         });
-        let Some((emitter, &unoccluded)) = picked else {
+        let Some((emitter, &chance)) = picked else {
             return Vec3::ZERO;
         };
-        let share = weight((emitter, &unoccluded)) / total;
         self.shadows.recent = Recent::default();
-        let seen =
+        let sees =
             shadows::sees_somewhere(self.stage, receiver, emitter, stream, &mut self.shadows);
         while let Some(blocker) = self.shadows.blockers.pop() {
             self.note(blocker);
         }
-        if seen {
-            emitter.strength * (unoccluded / share)
+        if sees {
+            emitter.strength * (emitter.unoccluded(receiver) as f32 * total / chance)
         } else {
             Vec3::ZERO
         }
     }
 
-    fn note(&mut self, instance: u32) {
-        if !self.met.contains(&instance) {
+    /// Notes that an instance had a say.
+    pub(crate) fn note(&mut self, instance: u32) {
+        let (word, bit) = (instance as usize / 64, 1u64 << (instance % 64));
+        if let Some(seen) = self.seen.get_mut(word)
+            && *seen & bit == 0
+        {
+            *seen |= bit;
             self.met.push(instance);
         }
     }

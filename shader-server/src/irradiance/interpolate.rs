@@ -18,6 +18,10 @@ use crate::{lights::Receiver, random::Stream, stage::Stage};
 /// How near records should lie as a share of how far they can be relied on: Ward's accuracy.
 const ACCURACY: f64 = 0.3;
 
+/// How near records should lie as a share of the distance to the nearest thing: what is thin says little to the harmonic mean, and
+/// much to its own surroundings.
+const NEARBY: f64 = 0.5;
+
 /// Spacing of records at least and at most, pixels as wide as they are at the point (Tabellion and Lamorlette 2004).
 const LEAST_PX: f64 = 4.;
 const MOST_PX: f64 = 64.;
@@ -68,6 +72,8 @@ struct Estimate {
     weight: f64,
     irradiance: Vec3,
     reach_m: f64,
+    /// How far it is to the nearest thing that a record sees, metres.
+    nearest_m: f64,
     /// How far the records' middle is from the point, metres.
     aside_m: f64,
     /// Deviation of what single records say, as a share of their mean.
@@ -156,7 +162,9 @@ impl IrradianceCache {
             if estimate.weight <= 0. && estimate.is_provisional {
                 break;
             }
-            let wanted = (ACCURACY * estimate.reach_m).clamp(least, most.max(least));
+            let wanted = (ACCURACY * estimate.reach_m)
+                .min(NEARBY * estimate.nearest_m)
+                .clamp(least, most.max(least));
             let too_far = (spacing / wanted).log2().clamp(0., 1.);
             let doubt = estimate.doubt(spacing) * (spacing / least).log2().clamp(0., 1.);
             let can_refine = level < DEEPEST && spacing > THIN_PX * pixel;
@@ -208,6 +216,7 @@ impl IrradianceCache {
         let spacing = self.lattice.spacing_m(level);
         let mut sum = Estimate {
             reach_m: f64::INFINITY,
+            nearest_m: f64::INFINITY,
             ..Estimate::default()
         };
         let mut sums = Sums::default();
@@ -238,6 +247,8 @@ impl IrradianceCache {
                 let weight = weight * own_reach / (own_reach + 2. * distance);
                 let trust = (own_reach / (SUPPORT * spacing)).min(1.) as f32;
                 sums.add(&record, at, weight, trust);
+                let nearest = (record.nearest - at.position).length();
+                sum.nearest_m = sum.nearest_m.min(nearest);
                 // No point can be relied on much farther than its neighbour is (Křivánek et al. 2006, neighbour clamping).
                 sum.reach_m = sum.reach_m.min(own_reach + distance / weight);
             }
@@ -255,10 +266,8 @@ impl IrradianceCache {
     /// Whether no site of a cell can count.
     fn is_out_of_reach(&self, cell: Cell, at: &Receiver) -> bool {
         let spacing = self.lattice.spacing_m(cell.level);
-        let low = cell.at.as_dvec3() * spacing;
-        let outside = (low - at.position)
-            .max(at.position - (low + spacing))
-            .max(DVec3::ZERO);
+        let [low, high] = self.lattice.corners(cell);
+        let outside = (low - at.position).max(at.position - high).max(DVec3::ZERO);
         let height = (low + 0.5 * spacing - at.position).dot(at.normal).abs();
         let extent = 0.5 * spacing * at.normal.abs().element_sum();
         outside.length() >= SUPPORT * spacing || height - extent >= OFF_PLANE * spacing
@@ -302,13 +311,7 @@ fn weight(at: &Receiver, site: &Receiver, orientation: u8, spacing: f64) -> f64 
 }
 
 /// Whether the way from above a point to above a site is free.
-pub(super) fn connected(
-    stage: &Stage,
-    at: &Receiver,
-    headroom_m: f32,
-    site: &Site,
-    spacing: f64,
-) -> bool {
+fn connected(stage: &Stage, at: &Receiver, headroom_m: f32, site: &Site, spacing: f64) -> bool {
     let above = |receiver: &Receiver, headroom_m: f32| {
         let lift = (LIFT * spacing)
             .min(0.5 * f64::from(headroom_m))

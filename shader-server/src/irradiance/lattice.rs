@@ -37,6 +37,10 @@ const LEAST_AREA: f64 = 0.02;
 /// Corners that a triangle can have once six planes have cut it.
 const CORNERS: usize = 9;
 
+/// Where cells begin, as a share of the coarsest spacing: a third is a third or two thirds at every level, so that surfaces at
+/// round coordinates are on no border, to have sites on both sides of it.
+const ORIGIN: f64 = 1. / 3.;
+
 /// The spacing of the lattice.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Lattice {
@@ -63,12 +67,14 @@ impl Lattice {
 
     /// The cell around a point.
     pub(crate) fn cell(&self, level: u8, point: DVec3) -> Cell {
-        let at = (point / self.spacing_m(level)).floor().as_ivec3();
+        let from = point - ORIGIN * self.coarsest_m;
+        let at = (from / self.spacing_m(level)).floor().as_ivec3();
         Cell { level, at }
     }
 
-    fn corners(&self, cell: Cell) -> [DVec3; 2] {
-        let low = cell.at.as_dvec3() * self.spacing_m(cell.level);
+    /// The lowest and the highest corner of a cell.
+    pub(crate) fn corners(&self, cell: Cell) -> [DVec3; 2] {
+        let low = cell.at.as_dvec3() * self.spacing_m(cell.level) + ORIGIN * self.coarsest_m;
         [low, low + self.spacing_m(cell.level)]
     }
 

@@ -11,6 +11,8 @@ mod far;
 pub mod hemisphere;
 mod interpolate;
 mod lattice;
+mod patch;
+mod points;
 mod record;
 mod stale;
 mod store;
@@ -27,9 +29,9 @@ use std::{
 use glam::Vec3;
 
 pub(crate) use bounce::leaving;
-use far::FarSite;
 pub use interpolate::Indirect;
 use lattice::{Cell, Lattice, Orientation, Place};
+use patch::Patches;
 use record::Record;
 pub(crate) use stale::Moved;
 use store::Store;
@@ -88,7 +90,7 @@ pub struct IrradianceCache {
     lattice: Lattice,
     patience: Patience,
     cells: Store<Cell, OnceLock<Sites>>,
-    far: Store<Place, FarSite>,
+    patches: OnceLock<Patches>,
     records: Store<Place, Slot>,
     // A std mutex, since nothing is awaited or computed while it is held.
     wanted: Mutex<VecDeque<Place>>,
@@ -106,7 +108,7 @@ impl IrradianceCache {
             lattice: Lattice::new(diagonal_m),
             patience,
             cells: Store::new(),
-            far: Store::new(),
+            patches: OnceLock::new(),
             records: Store::new(),
             wanted: Mutex::default(),
             total: Mutex::default(),
@@ -210,15 +212,6 @@ impl Receiver {
     /// Whether it is the side of the face from which its vertices run anticlockwise.
     fn is_front(&self) -> bool {
         self.face_normal.as_dvec3().dot(self.normal) >= 0.
-    }
-
-    fn orientation(&self) -> Orientation {
-        let normal = self.face_normal.as_dvec3();
-        if self.is_front() {
-            lattice::orientation(normal, true)
-        } else {
-            lattice::orientation(-normal, false)
-        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! A record: indirect irradiance at a site, how it changes around it, and what it depends on.
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 
 use super::{
     IrradianceCache,
@@ -17,6 +17,9 @@ pub(crate) const STRATA: Strata = Strata {
     sectors: 30,
 };
 
+/// Sine of the angle above the tangent plane below which what is near does not count: it may be the surface itself, bent.
+const LOW: f64 = 0.17;
+
 const SALT: u64 = 0x4EC;
 
 /// Indirect irradiance at a site.
@@ -24,6 +27,8 @@ const SALT: u64 = 0x4EC;
 pub(crate) struct Record {
     pub(crate) site: Receiver,
     pub(crate) gathered: Gathered,
+    /// The nearest thing met, but for what is low above the tangent plane; world space, infinite if there is none.
+    pub(crate) nearest: DVec3,
     /// Of each ray, for telling which moves matter.
     pub(crate) distances_m: Vec<f32>,
     /// Instances that its rays and their shadow rays met, each once.
@@ -31,7 +36,7 @@ pub(crate) struct Record {
 }
 
 /// The directions of a record's rays.
-pub(crate) fn directions(place: Place, site: &Receiver) -> impl Iterator<Item = glam::DVec3> {
+pub(crate) fn directions(place: Place, site: &Receiver) -> impl Iterator<Item = DVec3> {
     (0..STRATA.count()).map(move |index| {
         let mut stream = place.stream(SALT).part(index as u64);
         towards(&STRATA, site, index, &mut stream)
@@ -97,27 +102,32 @@ impl IrradianceCache {
         strata: &Strata,
         stream: &Stream,
     ) -> Record {
-        let ambient = Vec3::from(stage.shading().ambient);
         let background = Vec3::from(stage.shading().background);
         let mut gatherer = Gatherer::new(stage);
+        let (mut nearest, mut nearest_m) = (DVec3::INFINITY, f64::INFINITY);
         let incoming: Vec<Incoming> = (0..strata.count())
             .map(|index| {
                 let mut stream = stream.part(index as u64);
                 let direction = towards(strata, site, index, &mut stream);
-                let arrival = gatherer.follow(site, direction, &mut stream);
-                let radiance = match (arrival.bounce, arrival.instance) {
-                    (Some(bounce), _) => {
-                        let beyond = self.reflected_before(stage, &bounce.receiver, &mut stream);
-                        let irradiance = bounce.direct + beyond;
-                        bounce.albedo * (irradiance * std::f32::consts::FRAC_1_PI + ambient)
+                let hit = gatherer.follow(site, direction);
+                if let Some(hit) = &hit
+                    && f64::from(hit.t) < nearest_m
+                    && direction.dot(site.normal) > LOW
+                {
+                    nearest_m = hit.t.into();
+                    nearest = site.position + direction * nearest_m;
+                }
+                let radiance = match &hit {
+                    None => background,
+                    // What a light gives is direct light.
+                    Some(hit) if stage.light_of(hit.instance).is_some() => Vec3::ZERO,
+                    Some(hit) => {
+                        self.reflected_by(stage, &mut gatherer, hit, direction, &mut stream)
                     }
-                    (None, None) => background,
-                    // A light: what it gives is direct light.
-                    (None, Some(_)) => Vec3::ZERO,
                 };
                 Incoming {
                     radiance,
-                    distance_m: arrival.distance_m,
+                    distance_m: hit.map_or(f32::INFINITY, |hit| hit.t),
                 }
             })
             .collect();
@@ -126,6 +136,7 @@ impl IrradianceCache {
             site: *site,
             gathered: strata.sum(site.normal, &incoming),
             distances_m: incoming.iter().map(|i| i.distance_m).collect(),
+            nearest,
             met: gatherer.met,
         }
     }

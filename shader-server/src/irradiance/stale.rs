@@ -9,7 +9,7 @@ use std::sync::Arc;
 use glam::{DVec3, Vec3};
 use rays::Bounds;
 
-use super::{IrradianceCache, Patience, Slot, far, far::FarSite, lattice::Place, record};
+use super::{IrradianceCache, Patience, Slot, lattice::Place, patch::Patches, record};
 use crate::{
     lights::{Receiver, Shape},
     stage::Stage,
@@ -27,7 +27,12 @@ pub(crate) struct Moved {
 impl IrradianceCache {
     /// The cache for the scene after an edit. One that is to give final answers begins anew, since with four reflections
     /// everything depends on everything; one that answers at once keeps its records until they are replaced.
-    pub(crate) fn after(&self, before: &Stage, moved: &Moved, diagonal_m: f64) -> Self {
+    pub(crate) fn after(
+        &self,
+        [before, after]: [&Stage; 2],
+        moved: &Moved,
+        diagonal_m: f64,
+    ) -> Self {
         let mut next = Self::new(diagonal_m, self.patience);
         if self.patience == Patience::Final {
             return next;
@@ -77,24 +82,49 @@ impl IrradianceCache {
             };
             next.records.put(*place, Arc::new(slot));
         });
-        self.far.each(|place, site| {
-            let (Some(ends), false) = (site.ends.get(), touched(place)) else {
-                return;
-            };
-            let Some(at) = self.site(before, *place) else {
-                return;
-            };
-            let rays = Rays {
-                site: &at.receiver,
-                distances_m: &ends.distances_m,
-                met: &ends.met,
-            };
-            if !rays.concern(moved, &lights, || far::directions(*place, &at.receiver)) {
-                next.far
-                    .put(*place, Arc::new(FarSite::with(Arc::clone(ends))));
-            }
-        });
+        next.keep_patches(self, [before, after], moved, &lights);
         next
+    }
+
+    /// Keeps of the far field what an edit does not concern.
+    fn keep_patches(
+        &self,
+        old: &Self,
+        [before, after]: [&Stage; 2],
+        moved: &Moved,
+        lights: &[DVec3],
+    ) {
+        let Some(old) = old.patches.get() else {
+            return;
+        };
+        let patches = Patches::new(after, self.lattice.spacing_m(0));
+        if patches.is_laid_out_as(old) && !moved.lights {
+            for (slot, (from, to)) in old.slots.iter().zip(&patches.slots).enumerate() {
+                let Some(patch) = from.get() else { continue };
+                let Some(ends) = patch.ends() else { continue };
+                let piece = old.piece(slot as u32);
+                let has_moved = |instance: &u32| moved.instances.iter().any(|m| m.0 == *instance);
+                let mut concerned = has_moved(&piece.instance)
+                    || ends.met.iter().any(has_moved)
+                    || patch.shaded_by().iter().any(has_moved);
+                concerned = concerned
+                    || patch.rays(before, piece).zip(&ends.distances_m).any(
+                        |((from, towards), distance)| {
+                            let from = from.position.as_vec3();
+                            let shaded = |(_, _, now): &(u32, Bounds, Bounds)| {
+                                lights.iter().any(|l| passes(from, l.as_vec3(), now))
+                            };
+                            moved.instances.iter().any(shaded)
+                                || crosses(from, towards, *distance, moved, lights)
+                        },
+                    );
+                if !concerned {
+                    // It has just been made: nothing is there yet.
+                    let _ = to.set(Box::new(patch.kept()));
+                }
+            }
+        }
+        let _ = self.patches.set(patches);
     }
 }
 
@@ -119,16 +149,17 @@ impl Rays<'_> {
         let from = self.site.position.as_vec3();
         directions()
             .zip(self.distances_m)
-            .any(|(towards, &distance)| {
-                let towards = towards.as_vec3();
-                moved.instances.iter().any(|(_, _, now)| {
-                    let end = from + towards * distance.min(1e9);
-                    passes(from, end, now)
-                        || distance.is_finite()
-                            && lights.iter().any(|l| passes(end, l.as_vec3(), now))
-                })
-            })
+            .any(|(towards, distance)| crosses(from, towards, *distance, moved, lights))
     }
+}
+
+/// Whether what moved is now in the way of a ray, or of light to its end.
+fn crosses(from: Vec3, towards: DVec3, distance_m: f32, moved: &Moved, lights: &[DVec3]) -> bool {
+    moved.instances.iter().any(|(_, _, now)| {
+        let end = from + towards.as_vec3() * distance_m.min(1e9);
+        passes(from, end, now)
+            || distance_m.is_finite() && lights.iter().any(|l| passes(end, l.as_vec3(), now))
+    })
 }
 
 fn middle(shape: &Shape) -> DVec3 {

@@ -135,7 +135,7 @@ impl Shader<'_> {
         // Shadows in reflections are not shadows on the surface seen.
         self.shadows.blockers.clear();
         if let Some(cache) = self.stage.irradiance() {
-            irradiance += cache.reflected_before(self.stage, &receiver, stream);
+            irradiance += cache.reflected_before(self.stage, &receiver);
         }
         let ambient = Vec3::from(self.stage.shading().ambient);
         surface.albedo() * (irradiance * std::f32::consts::FRAC_1_PI + ambient)
