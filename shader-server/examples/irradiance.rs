@@ -5,12 +5,16 @@
 
 use std::{path::Path, sync::Arc};
 
-use glam::Vec3;
+use glam::{DVec3, Vec3};
 use protocol::messages::{Camera, SampleRequest};
 use rayon::prelude::*;
 use rays::Ray;
 use shader_server::{
-    Stage, camera::Pinhole, irradiance::hemisphere::Strata, lights::Receiver, random::Stream,
+    Stage,
+    camera::Pinhole,
+    irradiance::hemisphere::{Strata, frame},
+    lights::{Emitter, Receiver, Shape},
+    random::Stream,
 };
 
 #[path = "../tests/common/picture.rs"]
@@ -43,6 +47,14 @@ fn main() {
         places.len()
     );
 
+    if let Ok(file) = std::env::var("CACHEDUMP") {
+        let bytes: Vec<u8> = all
+            .iter()
+            .flat_map(|v| v.to_array())
+            .flat_map(f32::to_le_bytes)
+            .collect();
+        std::fs::write(file, bytes).unwrap();
+    }
     let step = places.len() / PLACES;
     let some: Vec<(usize, &Receiver)> =
         (0..PLACES).map(|i| (i * step, &places[i * step])).collect();
@@ -75,17 +87,33 @@ fn main() {
             truth[*i].x
         );
     }
-    for (rings, sectors) in [(8, 20), (14, 36)] {
-        let start = cpu_s();
-        let values = by_rays(&stage, &some, rings, sectors, 4);
-        let seconds = (cpu_s() - start) * places.len() as f64 / PLACES as f64;
-        println!(
-            "{} rays: error {:.4}, {seconds:.1} s for all, {:.1} times the cold cache",
-            rings * sectors,
-            error(&values, &truth),
-            seconds / cold
-        );
-    }
+    let own = error(&of_cache, &truth);
+    let by_rays = |rings, sectors, seed| by_rays(&stage, &some, rings, sectors, seed);
+    let lent = [(8, 20), (14, 36), (28, 72)];
+    beside(
+        "rays with the cache's far field",
+        lent,
+        by_rays,
+        (own, cold, places.len()),
+    );
+    let by_paths = |rings, sectors, seed| {
+        let strata = Strata { rings, sectors };
+        let gather = |(i, at): &(usize, &Receiver)| {
+            by_paths(&stage, at, &strata, &Stream::new(seed, *i as u64))
+        };
+        some.par_iter().map(gather).collect::<Vec<Vec3>>()
+    };
+    let alone = [(8, 20), (16, 40), (32, 80)];
+    let paths = beside(
+        "paths, nothing kept",
+        alone,
+        by_paths,
+        (own, cold, places.len()),
+    );
+    println!(
+        "cache against the paths' mean: {:+.4}",
+        bias(&of_cache, &paths)
+    );
     if let Some(reference) = args.get(2) {
         let start = cpu_s();
         let ours = picture::render(
@@ -100,6 +128,45 @@ fn main() {
             picture::difference(&ours, &picture::load_picture(Path::new(reference)))
         );
     }
+}
+
+/// Gathers at the places with several numbers of rays, says what it would take at all to have the cache's error, and gives what the
+/// finest brought. Errors are those of two sets of rays from each other, so that neither needs to be the truth.
+fn beside(
+    name: &str,
+    sizes: [(usize, usize); 3],
+    gather: impl Fn(usize, usize, u64) -> Vec<Vec3>,
+    (wanted, cold, count): (f32, f64, usize),
+) -> Vec<Vec3> {
+    let mut finest = Vec::new();
+    let mut curve = Vec::new();
+    for (rings, sectors) in sizes {
+        let start = cpu_s();
+        let one = gather(rings, sectors, 4);
+        let other = gather(rings, sectors, 5);
+        let seconds = (cpu_s() - start) * 0.5 * count as f64 / PLACES as f64;
+        let error = error(&one, &other) / std::f32::consts::SQRT_2;
+        println!(
+            "{name}, {} each: error {error:.4}, {seconds:.1} s for all",
+            rings * sectors
+        );
+        curve.push((f64::from(error).ln(), seconds.ln()));
+        finest = one
+            .iter()
+            .zip(&other)
+            .map(|(a, b)| (*a + *b) * 0.5)
+            .collect();
+    }
+    // Between the two settings around the error that is wanted, or beyond the last, time is a power of it.
+    let wanted = f64::from(wanted).ln();
+    let from = if curve[1].0 < wanted { 0 } else { 1 };
+    let [(e0, t0), (e1, t1)] = [curve[from], curve[from + 1]];
+    let seconds = (t0 + (wanted - e0) / (e1 - e0) * (t1 - t0)).exp();
+    println!(
+        "{name}: {seconds:.1} s for the cache's error, {:.1} times the cold cache",
+        seconds / cold
+    );
+    finest
 }
 
 /// Processor time of all threads so far, seconds: what else the machine does counts for nothing.
@@ -165,6 +232,85 @@ fn by_rays(
                 .irradiance
         })
         .collect()
+}
+
+/// Indirect irradiance with nothing kept: paths of so many reflections, each asking one place of one light at each end.
+fn by_paths(stage: &Stage, at: &Receiver, strata: &Strata, stream: &Stream) -> Vec3 {
+    let mut sum = Vec3::ZERO;
+    for index in 0..strata.count() {
+        let mut stream = stream.part(index as u64);
+        let local = strata.direction(index / strata.sectors, index % strata.sectors, &mut stream);
+        let (mut from, mut local, mut weight) = (*at, local, Vec3::ONE);
+        for _ in 0..4 {
+            let [u, v] = frame(from.normal);
+            let direction = u * local.x + v * local.y + from.normal * local.z;
+            let Some((receiver, albedo)) = follow(stage, &from, direction) else {
+                break;
+            };
+            weight *= albedo;
+            sum += weight * direct(stage, &receiver, &mut stream);
+            let one = Strata {
+                rings: 1,
+                sectors: 1,
+            };
+            (from, local) = (receiver, one.direction(0, 0, &mut stream));
+        }
+    }
+    sum / strata.count() as f32
+}
+
+/// The ray from a point, lifted off its face.
+fn leaving(from: &Receiver, direction: DVec3) -> Ray {
+    let direction = direction.as_vec3();
+    let side = from.clearance.copysign(direction.dot(from.face_normal));
+    Ray {
+        origin: from.position.as_vec3() + from.face_normal * side,
+        direction,
+    }
+}
+
+fn follow(stage: &Stage, from: &Receiver, direction: DVec3) -> Option<(Receiver, Vec3)> {
+    let hit = stage
+        .world()
+        .closest(&leaving(from, direction), f32::INFINITY)?;
+    let surface = stage.surface(&hit)?;
+    Some((
+        surface.seen_along(direction, hit.instance, hit.face),
+        surface.albedo(),
+    ))
+}
+
+/// Direct irradiance: one light in proportion to what it would give, one place of it.
+fn direct(stage: &Stage, at: &Receiver, stream: &mut Stream) -> Vec3 {
+    let weight = |e: &Emitter| e.unoccluded(at) as f32 * e.strength.max_element();
+    let weights: Vec<f32> = stage.emitters().iter().map(weight).collect();
+    let total: f32 = weights.iter().sum();
+    let mut wanted = stream.unit() * total;
+    let picked = stage.emitters().iter().zip(&weights).find(|(_, w)| {
+        wanted -= **w;
+        wanted < 0.
+    });
+    let Some((emitter, _)) = picked else {
+        return Vec3::ZERO;
+    };
+    let Some(place) = emitter.shape.somewhere(stream) else {
+        return Vec3::ZERO;
+    };
+    let mut ray = leaving(at, place - at.position);
+    ray.direction = place.as_vec3() - ray.origin;
+    let light = match &emitter.shape {
+        Shape::Polygon(shape) => Some(shape.instance),
+        Shape::Point(_) | Shape::Segment(..) => None,
+    };
+    let accept = |instance, _| Some(instance) != light;
+    if stage
+        .world()
+        .occluder_where(&ray, 1. - 1e-5, accept)
+        .is_some()
+    {
+        return Vec3::ZERO;
+    }
+    emitter.strength * (total / emitter.strength.max_element())
 }
 
 /// Root mean square of differences, as a share of the mean.
