@@ -24,6 +24,18 @@ impl Builder {
         self.mesh.positions.len() as u32 - 1
     }
 
+    /// How many positions there are.
+    pub(super) fn positions(&self) -> usize {
+        self.mesh.positions.len()
+    }
+
+    /// Raises the positions from number `first` on.
+    pub(super) fn lift(&mut self, first: usize, height: f32) {
+        for position in &mut self.mesh.positions[first..] {
+            position[1] += height;
+        }
+    }
+
     pub(super) fn normal(&mut self, n: [f32; 3]) -> u32 {
         self.mesh.normals.push(n.map(|x| x + 0.0));
         self.mesh.normals.len() as u32 - 1

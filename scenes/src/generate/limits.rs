@@ -84,10 +84,13 @@ impl Generator {
                 bars,
                 width,
                 thickness,
+                cells,
             } => {
                 all_positive("size", &size)?;
                 all_positive("width and thickness", &[width, thickness])?;
                 counts(&[("bars", bars[0], 2), ("bars", bars[1], 2), ("sides", 16, 1)])?;
+                let both = bars[0].saturating_add(bars[1]);
+                counts(&[("bars", both, 4), ("cells", cells, 0), ("sides", 8, 1)])?;
                 for (s, n) in size.into_iter().zip(bars) {
                     less("bars times width", n as f32 * width, "size", s)?;
                 }

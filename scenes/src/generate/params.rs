@@ -74,12 +74,15 @@ pub(crate) enum Generator {
         #[serde(default = "one_repeat")]
         repeat: [f32; 2],
     },
-    /// A flat lattice in y = 0: `bars` bars along z and along x, `width` wide, `thickness` thick, in one closed piece.
+    /// A flat lattice in y = 0: `bars` bars along z and along x, `width` wide, `thickness` thick, in one closed piece; with
+    /// `cells`, those along x lie on those along z, a hair apart, each a box of so many cells along its length.
     Bars {
         size: [f32; 2],
         bars: [u32; 2],
         width: f32,
         thickness: f32,
+        #[serde(default)]
+        cells: u32,
     },
     /// A slab from x = 0 to `size[0]`, y = 0 to `size[1]`, its middle in z = 0, with rectangular openings
     /// `[x from, y from, x to, y to]`.
@@ -209,7 +212,15 @@ impl Generator {
                 bars,
                 width,
                 thickness,
+                cells: 0,
             } => solids::bars(&mut b, size, bars, width, thickness),
+            &Self::Bars {
+                size,
+                bars,
+                width,
+                thickness,
+                cells,
+            } => solids::crossed_bars(&mut b, size, bars, [width, thickness], cells),
             Self::Wall {
                 size,
                 openings,

@@ -93,6 +93,40 @@ pub(super) fn bars(b: &mut Builder, size: [f32; 2], bars: [u32; 2], width: f32, 
     slab(b, &xs, &zs, thickness / 2.0, filled, |x, y, z| [x, z, -y]);
 }
 
+/// Gap between the two layers of crossed bars, of their thickness.
+const HAIR: f32 = 0.02;
+
+/// Bars along z about y = 0, and bars along x that lie on them.
+pub(super) fn crossed_bars(
+    b: &mut Builder,
+    size: [f32; 2],
+    bars: [u32; 2],
+    [width, thickness]: [f32; 2],
+    cells: u32,
+) {
+    let half = thickness / 2.0;
+    for (axis, count) in bars.into_iter().enumerate() {
+        let step = (size[axis] - width) / (count - 1) as f32;
+        let length = size[1 - axis];
+        let along: Vec<f32> = (0..=cells)
+            .map(|i| (i as f32 / cells as f32 - 0.5) * length)
+            .collect();
+        let height = axis as f32 * thickness * (1.0 + HAIR);
+        for bar in 0..count {
+            let start = bar as f32 * step - size[axis] / 2.0;
+            let across = [start, start + width];
+            let first = b.positions();
+            let (xs, ys) = if axis == 0 {
+                (&across[..], &along[..])
+            } else {
+                (&along[..], &across[..])
+            };
+            slab(b, xs, ys, half, |_, _| true, |x, y, z| [x, z, -y]);
+            b.lift(first, height);
+        }
+    }
+}
+
 /// The lines and as many between them as keep each gap within `cell`.
 fn cut(lines: &[f32], cell: f32) -> Vec<f32> {
     let mut out = vec![lines[0]];

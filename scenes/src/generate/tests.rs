@@ -76,6 +76,7 @@ fn closed_generators_are_closed() {
         "kind = 'lathe'\nring = true\nprofile = [[0.4, 0], [0.5, 0.1], [0.4, 0.2]]",
         "kind = 'box'\nsize = [1, 2, 3]",
         "kind = 'bars'\nsize = [1, 2]\nbars = [4, 6]\nwidth = 0.05\nthickness = 0.1",
+        "kind = 'bars'\nsize = [1, 2]\nbars = [4, 6]\nwidth = 0.05\nthickness = 0.1\ncells = 5",
         "kind = 'wall'\nsize = [5, 3, 0.2]\nopenings = [[1, 0, 2, 2.1], [3, 1, 4, 2]]",
         "kind = 'wall'\nsize = [5, 3, 0.2]",
         "kind = 'tube'\nkeys = [[0, 0, 0, 0.1], [1, 0, 0, 0.2]]",

@@ -7,7 +7,7 @@ use crate::{
     blocker::{ALPHA, Blocker},
     caster::Caster,
     costs::Costs,
-    kernel::{Coefficients, Kernel, View},
+    kernel::{Coefficients, Conditions, Kernel, View},
     lanes::{LANES, bits},
     light::MAX_SAMPLES,
     predicate::{Pair, horizon},
@@ -17,6 +17,12 @@ use crate::{
 
 /// Words a mask at most.
 const WORDS: usize = MAX_SAMPLES as usize / 32;
+/// Rows of sixteen samples at most.
+const ROWS: usize = 2 * WORDS;
+/// All samples of a row.
+const ROW: u32 = 0xFFFF;
+/// Rows that a polygon must meet before it is asked whether it hides one as a whole.
+const WIDE: u32 = 5;
 /// Polygons that are gathered before they are tried.
 const GATHERED: usize = 128;
 /// In place of a part's number: the tree over parts.
@@ -29,8 +35,8 @@ pub struct Counts {
     pub polygons: u64,
     /// Receivers in the penumbra volume of a polygon.
     pub pairs: u64,
-    /// Of these, groups whose samples were tried one by one.
-    pub groups: u64,
+    /// Of these, rows of sixteen samples that were tried one by one.
+    pub rows: u64,
     /// Shadow rays.
     pub rays: u64,
 }
@@ -41,7 +47,7 @@ impl Counts {
         Self {
             polygons: self.polygons - before.polygons,
             pairs: self.pairs - before.pairs,
-            groups: self.groups - before.groups,
+            rows: self.rows - before.rows,
             rays: self.rays - before.rays,
         }
     }
@@ -50,7 +56,7 @@ impl Counts {
     pub fn add(&mut self, other: &Self) {
         self.polygons += other.polygons;
         self.pairs += other.pairs;
-        self.groups += other.groups;
+        self.rows += other.rows;
         self.rays += other.rays;
     }
 }
@@ -59,13 +65,13 @@ impl Counts {
 pub(crate) struct Scratch {
     /// Of the receivers of a leaf.
     pub(crate) masks: [[u32; WORDS]; LANES],
-    /// Groups that are not dark yet.
-    open: [u32; LANES],
+    /// Rows of samples that are not dark yet.
+    open: [u64; LANES],
     coefficients: Coefficients,
     stack: Vec<(u32, u32)>,
     gathered: Vec<(u32, u32)>,
-    /// Receiver and group.
-    work: Vec<(u8, u8)>,
+    /// Receiver and row.
+    work: Box<[(u8, u8); LANES * ROWS]>,
     /// Receiver of the leaf and instance that darkened some of its samples; may repeat.
     pub(crate) blocked: Vec<(u32, u32)>,
     /// Rays of a receiver, the samples that they go to, and what blocks them.
@@ -83,7 +89,7 @@ impl Default for Scratch {
             coefficients: Coefficients::default(),
             stack: Vec::new(),
             gathered: Vec::with_capacity(GATHERED + LANES),
-            work: Vec::with_capacity(LANES * WORDS),
+            work: Box::new([(0, 0); LANES * ROWS]),
             blocked: Vec::new(),
             rays: Vec::new(),
             samples: Vec::new(),
@@ -155,14 +161,15 @@ impl<'a, S: Simd> Casting<'a, S> {
             let normal = self.leaf.normal(lane);
             let mask = &mut self.scratch.masks[lane][..groups];
             mask.fill(0);
-            let mut open = u32::MAX >> (32 - groups);
+            let mut open = u64::MAX >> (64 - 2 * groups);
             if normal != [0.; 3] {
-                let horizon = horizon(self.leaf.point(lane), normal);
-                for (group, word) in mask.iter_mut().enumerate() {
-                    let rows = light.group(self.leaf.set[lane], group);
-                    *word = !self.kernel.above_horizon(self.view.planar, rows, &horizon);
-                    if *word == u32::MAX {
-                        open &= !(1 << group);
+                let horizon = Conditions::of_one(&horizon(self.leaf.point(lane), normal));
+                for i in 0..2 * groups {
+                    let row = light.row(self.leaf.set[lane], i);
+                    let below = !self.kernel.samples(self.view.planar, row, &horizon) & ROW;
+                    mask[i / 2] |= below << (LANES * (i % 2));
+                    if below == ROW {
+                        open &= !(1 << i);
                     }
                 }
             }
@@ -236,7 +243,11 @@ impl<'a, S: Simd> Casting<'a, S> {
                 continue;
             }
             self.scratch.counts.pairs += u64::from(lanes.count_ones());
-            self.darken(part, blocker, lanes);
+            match self.scratch.coefficients.count {
+                3 => self.darken::<3>(part, blocker, lanes),
+                4 => self.darken::<4>(part, blocker, lanes),
+                _ => self.darken::<5>(part, blocker, lanes),
+            }
             if self.alive == 0 {
                 break;
             }
@@ -244,52 +255,71 @@ impl<'a, S: Simd> Casting<'a, S> {
         self.scratch.gathered.clear();
     }
 
-    /// Tries a polygon on the receivers `lanes`: first on groups, then on the samples of those that are partly inside.
+    /// Tries a polygon on the receivers `lanes`: first on rows of samples, then on the samples of those that are partly inside.
     #[inline(always)]
-    fn darken(&mut self, part: u32, blocker: &Blocker, lanes: u32) {
+    fn darken<const N: usize>(&mut self, part: u32, blocker: &Blocker, lanes: u32) {
         let light = self.caster.light();
         let planar = self.view.planar;
         let scratch = &mut *self.scratch;
         let seen_through = blocker.flags & ALPHA != 0;
         let mut darkened = 0u32;
-        scratch.work.clear();
+        let mut count = 0;
         for lane in bits(lanes) {
-            let conditions = scratch.coefficients.of(lane);
-            let (mut met, mut inside) = (0u32, 0u32);
-            for (i, chunk) in light.chunks.iter().enumerate() {
-                let found = self.kernel.groups(planar, chunk, &conditions);
-                met |= found.0 << (8 * i);
-                inside |= found.1 << (8 * i);
-            }
+            let of = (&scratch.coefficients, lane);
             let open = scratch.open[lane];
-            let (mut met, inside) = (met & open, inside & open);
+            let mut met = 0u64;
+            for (i, bounds) in light.row_bounds.iter().enumerate() {
+                met |= u64::from(self.kernel.rows_met::<N>(planar, bounds, of)) << (LANES * i);
+            }
+            met &= open;
+            // What meets few rows is too small to hide one.
+            let mut inside = 0u64;
+            if met.count_ones() >= WIDE {
+                for (i, bounds) in light.row_bounds.iter().enumerate() {
+                    let found = self.kernel.rows_inside::<N>(planar, bounds, of);
+                    inside |= u64::from(found) << (LANES * i);
+                }
+                inside &= met;
+            }
             if inside != 0 && !seen_through {
                 met &= !inside;
-                for group in bits(inside) {
-                    scratch.masks[lane][group] = u32::MAX;
-                }
                 scratch.open[lane] = open & !inside;
                 darkened |= 1 << lane;
+                while inside != 0 {
+                    let row = inside.trailing_zeros() as usize;
+                    inside &= inside - 1;
+                    scratch.masks[lane][row / 2] |= ROW << (LANES * (row % 2));
+                }
             }
-            for group in bits(met) {
-                scratch.work.push((lane as u8, group as u8));
+            while met != 0 {
+                scratch.work[count & (LANES * ROWS - 1)] = (lane as u8, met.trailing_zeros() as u8);
+                met &= met - 1;
+                count += 1;
             }
         }
-        scratch.counts.groups += scratch.work.len() as u64;
-        for &(lane, group) in &scratch.work {
-            let (lane, group) = (lane as usize & (LANES - 1), group as usize);
-            let conditions = scratch.coefficients.of(lane);
-            let rows = light.group(self.leaf.set[lane], group);
-            let word = &mut scratch.masks[lane][group];
-            let mut new = self.kernel.samples(planar, rows, &conditions) & !*word;
+        scratch.counts.rows += count as u64;
+        for &(lane, row) in &scratch.work[..count] {
+            let (lane, row) = (lane as usize & (LANES - 1), row as usize & (ROWS - 1));
+            let samples = light.row(self.leaf.set[lane], row);
+            let word = &mut scratch.masks[lane][row / 2];
+            let shift = LANES * (row % 2);
+            let of = (&scratch.coefficients, lane);
+            let blocked = self.kernel.samples_of::<N>(planar, samples, of);
+            let mut new = (blocked << shift) & !*word;
             if seen_through && new != 0 {
-                new = opaque(self.caster, self.leaf, (part, blocker), (lane, group), new);
+                new = opaque(
+                    self.caster,
+                    self.leaf,
+                    (part, blocker),
+                    (lane, row / 2),
+                    new,
+                );
             }
             if new != 0 {
                 *word |= new;
                 darkened |= 1 << lane;
-                if *word == u32::MAX {
-                    scratch.open[lane] &= !(1 << group);
+                if *word >> shift & ROW == ROW {
+                    scratch.open[lane] &= !(1 << row);
                 }
             }
         }

@@ -3,81 +3,72 @@
 //! Every value is computed as in [`predicate`](crate::predicate), operation by operation; nothing is fused or reordered, so
 //! every instruction set gives the same bits.
 
-use fearless_simd::{f32x8, f32x16, mask32x16, prelude::*, u32x16};
+use fearless_simd::{f32x16, mask32x16, prelude::*, u32x16};
 
 use crate::{
     blocker::{Blocker, CUTS, FROM_BEHIND, FROM_FRONT, REVERSED},
     lanes::{LANES, LEAST},
-    light::{Box3, GROUP_LANES, GroupChunk, SampleRow},
+    light::{Box3, RowBounds, SampleRow},
     paper::HardRow,
-    predicate::{CONDITIONS, Pair},
+    predicate::{CONDITIONS, Condition, Pair},
     receivers::Leaf,
     tree::Node,
 };
 
-/// Coefficients of each condition for each receiver of a leaf: condition; x, y, z, constant; lane.
+/// Coefficients of each condition for each receiver of a leaf: condition; x, y, constant, least, z; lane.
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Coefficients {
-    rows: [[[f32; LANES]; 4]; CONDITIONS],
-    count: usize,
-    /// Of each condition, whether lanes that the polygon faces must be above zero, and those that see its back.
-    strict: [[bool; 2]; CONDITIONS],
-    /// Lanes that are behind the polygon.
-    behind: u32,
+    rows: [[[f32; LANES]; 5]; CONDITIONS],
+    pub(crate) count: usize,
 }
 
 impl Default for Coefficients {
     fn default() -> Self {
         Self {
-            rows: [[[0.; LANES]; 4]; CONDITIONS],
+            rows: [[[0.; LANES]; 5]; CONDITIONS],
             count: 0,
-            strict: [[false; 2]; CONDITIONS],
-            behind: 0,
         }
     }
 }
 
-/// The conditions that one receiver sets, ready to be tried on many samples.
+/// A condition ready to be tried on many samples: x, y, constant, least, z.
+type Linear = [f32; 5];
+
+/// The conditions that one receiver sets.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Conditions {
-    values: [[f32; 4]; CONDITIONS],
-    least: [f32; CONDITIONS],
+    linear: [Linear; CONDITIONS],
     count: usize,
 }
 
 impl Conditions {
-    #[inline(always)]
     pub(crate) fn from_pair(pair: &Pair) -> Self {
-        let mut conditions = Self {
-            values: [[0.; 4]; CONDITIONS],
-            least: [0.; CONDITIONS],
+        Self {
+            linear: pair
+                .conditions
+                .map(|c| [c.x, c.y, c.constant, c.least, c.z]),
             count: pair.count,
-        };
-        for (i, c) in pair.conditions[..pair.count].iter().enumerate() {
-            conditions.values[i] = [c.x, c.y, c.z, c.constant];
-            conditions.least[i] = c.least;
         }
+    }
+
+    pub(crate) fn of_one(c: &Condition) -> Self {
+        let mut conditions = Self {
+            linear: [[0.; 5]; CONDITIONS],
+            count: 1,
+        };
+        conditions.linear[0] = [c.x, c.y, c.constant, c.least, c.z];
         conditions
     }
 }
 
 impl Coefficients {
+    /// Condition `i` of the receiver in a lane.
     #[inline(always)]
-    pub(crate) fn of(&self, lane: usize) -> Conditions {
-        let behind = (self.behind >> lane & 1) as usize;
-        let mut conditions = Conditions {
-            values: [[0.; 4]; CONDITIONS],
-            least: [0.; CONDITIONS],
-            count: self.count,
-        };
-        for i in 0..self.count {
-            for k in 0..4 {
-                conditions.values[i][k] = self.rows[i][k][lane & (LANES - 1)];
-            }
-            conditions.least[i] = if self.strict[i][behind] { LEAST } else { 0. };
-        }
-        conditions
+    fn linear(&self, i: usize, lane: usize) -> Linear {
+        let [x, y, constant, least, z] = &self.rows[i];
+        let lane = lane & (LANES - 1);
+        [x[lane], y[lane], constant[lane], least[lane], z[lane]]
     }
 }
 
@@ -178,8 +169,12 @@ impl<S: Simd> Kernel<S> {
         if keep.to_bitmask() as u32 & alive == 0 {
             return 0;
         }
-        out.behind = behind.to_bitmask() as u32;
         let turn = behind.select(self.all(1.), self.all(-1.));
+        // Of an edge that runs in order, and of one that is reversed.
+        let leasts = [
+            behind.select(zero, self.all(LEAST)),
+            behind.select(self.all(LEAST), zero),
+        ];
         out.count = blocker.edges();
         for i in 0..out.count {
             let [low, high] = blocker.edge(i);
@@ -197,11 +192,12 @@ impl<S: Simd> Kernel<S> {
             let z = px * ey - py * ex;
             let constant = -((x * at[0] + y * at[1]) + z * at[2]);
             keep &= self.highest(view, [x, y, z], constant).simd_ge(zero);
-            out.strict[i] = [!reversed, reversed];
+            let least = if reversed { &leasts[1] } else { &leasts[0] };
             x.store_slice(&mut out.rows[i][0]);
             y.store_slice(&mut out.rows[i][1]);
-            z.store_slice(&mut out.rows[i][2]);
-            constant.store_slice(&mut out.rows[i][3]);
+            constant.store_slice(&mut out.rows[i][2]);
+            least.store_slice(&mut out.rows[i][3]);
+            z.store_slice(&mut out.rows[i][4]);
         }
         if blocker.flags & CUTS != 0 {
             let i = out.count;
@@ -212,11 +208,11 @@ impl<S: Simd> Kernel<S> {
                 self.all(nz) * turn,
             ];
             let constant = self.all(-blocker.offset) * turn;
-            out.strict[i] = [true; 2];
             x.store_slice(&mut out.rows[i][0]);
             y.store_slice(&mut out.rows[i][1]);
-            z.store_slice(&mut out.rows[i][2]);
-            constant.store_slice(&mut out.rows[i][3]);
+            constant.store_slice(&mut out.rows[i][2]);
+            self.all(LEAST).store_slice(&mut out.rows[i][3]);
+            z.store_slice(&mut out.rows[i][4]);
         }
         keep.to_bitmask() as u32 & alive
     }
@@ -263,64 +259,97 @@ impl<S: Simd> Kernel<S> {
         keep
     }
 
-    /// Groups of a chunk of which something may be inside, and those that are inside as a whole.
+    /// Of sixteen rows of samples, those of which something may be inside all `N` conditions of a lane.
     #[inline(always)]
-    pub(crate) fn groups(
+    pub(crate) fn rows_met<const N: usize>(
         self,
         planar: bool,
-        chunk: &GroupChunk,
-        conditions: &Conditions,
-    ) -> (u32, u32) {
-        let mut met = f32x8::splat(self.0, 0.).simd_eq(f32x8::splat(self.0, 0.));
-        let mut inside = met;
-        let axes = if planar { 2 } else { 3 };
-        for (value, least) in conditions.values[..conditions.count]
-            .iter()
-            .zip(&conditions.least)
-        {
-            let mut high = f32x8::splat(self.0, 0.);
-            let mut low = high;
-            for axis in 0..axes {
-                let factor = f32x8::splat(self.0, value[axis]);
-                let up = usize::from(value[axis] >= 0.);
-                let rows: &[[f32; GROUP_LANES]; 2] = &chunk.rows[axis];
-                let to = factor * f32x8::simd_from(self.0, rows[up]);
-                let from = factor * f32x8::simd_from(self.0, rows[1 - up]);
-                if axis == 0 {
-                    (high, low) = (to, from);
-                } else {
-                    high = high + to;
-                    low = low + from;
-                }
-            }
-            let constant = f32x8::splat(self.0, value[3]);
-            let least = f32x8::splat(self.0, *least);
-            met &= (high + constant).simd_ge(least);
-            inside &= (low + constant).simd_ge(least);
+        bounds: &RowBounds,
+        of: (&Coefficients, usize),
+    ) -> u32 {
+        let mut met = mask32x16::splat(self.0, true);
+        for i in 0..N {
+            let linear = of.0.linear(i, of.1);
+            let at = |n: f32| usize::from(n >= 0.);
+            let corner = [at(linear[0]), at(linear[1]), at(linear[4])];
+            met &= self.condition(planar, bounds, corner, linear);
         }
-        (met.to_bitmask() as u32, inside.to_bitmask() as u32)
+        met.to_bitmask() as u32
     }
 
-    /// Samples of a group that are inside.
+    /// Of sixteen rows of samples, those that are inside as a whole.
     #[inline(always)]
-    pub(crate) fn samples(self, planar: bool, rows: &[SampleRow], conditions: &Conditions) -> u32 {
-        let mut word = 0;
-        for (half, row) in rows[..2].iter().enumerate() {
-            let [u, v, w] = self.three(&row.0);
-            let mut inside = mask32x16::splat(self.0, true);
-            for (value, least) in conditions.values[..conditions.count]
-                .iter()
-                .zip(&conditions.least)
-            {
-                let mut sum = self.all(value[0]) * u + self.all(value[1]) * v;
-                if !planar {
-                    sum = sum + self.all(value[2]) * w;
-                }
-                inside &= (sum + self.all(value[3])).simd_ge(self.all(*least));
-            }
-            word |= (inside.to_bitmask() as u32) << (LANES * half);
+    pub(crate) fn rows_inside<const N: usize>(
+        self,
+        planar: bool,
+        bounds: &RowBounds,
+        of: (&Coefficients, usize),
+    ) -> u32 {
+        let mut inside = mask32x16::splat(self.0, true);
+        for i in 0..N {
+            let linear = of.0.linear(i, of.1);
+            let at = |n: f32| usize::from(n < 0.);
+            let corner = [at(linear[0]), at(linear[1]), at(linear[4])];
+            inside &= self.condition(planar, bounds, corner, linear);
         }
-        word
+        inside.to_bitmask() as u32
+    }
+
+    /// Rows that keep a condition in one corner of their bounds: low or high in each coordinate.
+    #[inline(always)]
+    fn condition(
+        self,
+        planar: bool,
+        bounds: &RowBounds,
+        corner: [usize; 3],
+        [x, y, constant, least, z]: Linear,
+    ) -> mask32x16<S> {
+        let [us, vs, ws] = &bounds.rows;
+        let mut sum =
+            self.all(x) * self.row(&us[corner[0]]) + self.all(y) * self.row(&vs[corner[1]]);
+        if !planar {
+            sum = sum + self.all(z) * self.row(&ws[corner[2]]);
+        }
+        (sum + self.all(constant)).simd_ge(self.all(least))
+    }
+
+    /// Samples of a row that are inside all `N` conditions of a lane.
+    #[inline(always)]
+    pub(crate) fn samples_of<const N: usize>(
+        self,
+        planar: bool,
+        row: &SampleRow,
+        of: (&Coefficients, usize),
+    ) -> u32 {
+        let mut inside = mask32x16::splat(self.0, true);
+        for i in 0..N {
+            inside &= self.sample_condition(planar, row, of.0.linear(i, of.1));
+        }
+        inside.to_bitmask() as u32
+    }
+
+    /// Samples of a row that are inside.
+    #[inline(always)]
+    pub(crate) fn samples(self, planar: bool, row: &SampleRow, conditions: &Conditions) -> u32 {
+        let mut inside = mask32x16::splat(self.0, true);
+        for linear in &conditions.linear[..conditions.count.min(CONDITIONS)] {
+            inside &= self.sample_condition(planar, row, *linear);
+        }
+        inside.to_bitmask() as u32
+    }
+
+    #[inline(always)]
+    fn sample_condition(
+        self,
+        planar: bool,
+        row: &SampleRow,
+        [x, y, constant, least, z]: Linear,
+    ) -> mask32x16<S> {
+        let mut sum = self.all(x) * self.row(&row.0[0]) + self.all(y) * self.row(&row.0[1]);
+        if !planar {
+            sum = sum + self.all(z) * self.row(&row.0[2]);
+        }
+        (sum + self.all(constant)).simd_ge(self.all(least))
     }
 
     /// Of sixteen samples, those from whose hard shadow volumes a receiver is surely inside, and those from which it is surely
@@ -339,22 +368,5 @@ impl<S: Simd> Kernel<S> {
             outside |= sum.simd_lt(self.all(-sure));
         }
         (inside.to_bitmask() as u32, outside.to_bitmask() as u32)
-    }
-
-    /// Samples of a group that are above a receiver's horizon.
-    #[inline(always)]
-    pub(crate) fn above_horizon(
-        self,
-        planar: bool,
-        rows: &[SampleRow],
-        horizon: &crate::predicate::Condition,
-    ) -> u32 {
-        let mut conditions = Conditions {
-            values: [[0.; 4]; CONDITIONS],
-            least: [LEAST; CONDITIONS],
-            count: 1,
-        };
-        conditions.values[0] = [horizon.x, horizon.y, horizon.z, horizon.constant];
-        self.samples(planar, rows, &conditions)
     }
 }

@@ -11,8 +11,6 @@ use crate::{
 pub const MAX_SAMPLES: u32 = 1024;
 /// Most sets.
 pub const MAX_SETS: u32 = 8;
-/// Group bounds come in chunks of this many.
-pub(crate) const GROUP_LANES: usize = 8;
 
 /// Why a light cannot be cast from.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -131,12 +129,12 @@ impl Box3 {
     }
 }
 
-/// Bounds of a group of samples in all sets, by coordinate: lowest and highest.
+/// Bounds of sixteen rows of samples in all sets, by coordinate.
 #[derive(Clone, Debug)]
-#[repr(C, align(32))]
-pub(crate) struct GroupChunk {
-    /// Axis, then low and high, then group. NaN where there is no group: such a one is never met.
-    pub(crate) rows: [[[f32; GROUP_LANES]; 2]; 3],
+#[repr(C, align(64))]
+pub(crate) struct RowBounds {
+    /// Axis, then low and high, then row. NaN where there is no row: such a one is never met.
+    pub(crate) rows: [[[f32; LANES]; 2]; 3],
 }
 
 /// Sixteen neighbouring samples of a set.
@@ -157,7 +155,7 @@ pub struct Light {
     planar: bool,
     pub(crate) bounds: Box3,
     pub(crate) group_bounds: Vec<Box3>,
-    pub(crate) chunks: Vec<GroupChunk>,
+    pub(crate) row_bounds: Vec<RowBounds>,
     /// Set after set, two rows a group.
     pub(crate) rows: Vec<SampleRow>,
     /// The same in world space.
@@ -188,14 +186,14 @@ impl Light {
             rotation,
             bounds: Box3::EMPTY,
             group_bounds: vec![Box3::EMPTY; (samples as usize) / GROUP],
-            chunks: Vec::new(),
+            row_bounds: Vec::new(),
             rows: Vec::new(),
             places: Vec::new(),
         };
         for set in 0..sets {
             light.add_set(&area, &grid, set);
         }
-        light.bound_groups();
+        light.bound_rows();
         for set in 0..sets {
             for sample in 0..samples {
                 let place = light.sample(set, sample).as_vec3();
@@ -225,17 +223,26 @@ impl Light {
         }
     }
 
-    fn bound_groups(&mut self) {
-        for chunk in self.group_bounds.chunks(GROUP_LANES) {
-            let mut rows = [[[f32::NAN; GROUP_LANES]; 2]; 3];
+    fn bound_rows(&mut self) {
+        for bounds in &self.group_bounds {
+            self.bounds = self.bounds.union(bounds);
+        }
+        let every = self.rows_a_set();
+        let mut bounds = vec![Box3::EMPTY; every];
+        for (i, row) in self.rows.iter().enumerate() {
+            for lane in 0..LANES {
+                bounds[i % every].add(row.0.map(|values| values[lane]));
+            }
+        }
+        for chunk in bounds.chunks(LANES) {
+            let mut rows = [[[f32::NAN; LANES]; 2]; 3];
             for (lane, bounds) in chunk.iter().enumerate() {
-                self.bounds = self.bounds.union(bounds);
                 for (axis, row) in rows.iter_mut().enumerate() {
                     row[0][lane] = bounds.min[axis];
                     row[1][lane] = bounds.max[axis];
                 }
             }
-            self.chunks.push(GroupChunk { rows });
+            self.row_bounds.push(RowBounds { rows });
         }
     }
 
@@ -292,7 +299,13 @@ impl Light {
         &self.rows[first..first + 2]
     }
 
-    fn rows_a_set(&self) -> usize {
+    /// A row of sixteen samples.
+    #[inline(always)]
+    pub(crate) fn row(&self, set: u32, row: usize) -> &SampleRow {
+        &self.rows[set as usize * self.rows_a_set() + row]
+    }
+
+    pub(crate) fn rows_a_set(&self) -> usize {
         self.sampling.samples as usize / LANES
     }
 

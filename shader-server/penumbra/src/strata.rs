@@ -139,6 +139,9 @@ impl Area {
     }
 }
 
+/// Strata of a group along each side of a flat light.
+const FLAT: [u32; 3] = [8, 4, 1];
+
 /// How the unit cube is cut into groups, and groups into strata.
 #[derive(Debug)]
 pub(crate) struct Grid {
@@ -152,7 +155,7 @@ impl Grid {
         let extents = area.extents();
         let cells = match area.dimensions() {
             1 => [32, 1, 1],
-            2 => [8, 4, 1],
+            2 => FLAT,
             _ => [4, 4, 2],
         };
         let mut best = (f64::INFINITY, [groups, 1, 1]);
@@ -180,6 +183,10 @@ impl Grid {
     pub(crate) fn jittered(&self, group: usize, sample: usize, seed: u64) -> [f64; 3] {
         let (mut group, mut cell) = (group as u32, sample as u32);
         let mut bits = mixed(seed ^ (u64::from(group) << 40 | u64::from(cell) << 24));
+        if self.cells == FLAT {
+            // Each sixteen are a square of their own.
+            cell = cell % 4 + 4 * (cell / 16) + 8 * (cell / 4 % 4);
+        }
         std::array::from_fn(|axis| {
             let (groups, cells) = (self.groups[axis], self.cells[axis]);
             let index = group % groups * cells + cell % cells;

@@ -337,7 +337,11 @@ fn tried<S: Simd>(
         let pair = pair.get_or_insert_with(|| Pair::new(light, point.at, blocker));
         let Some(pair) = pair else { return 0 };
         let conditions = Conditions::from_pair(pair);
-        blocked = kernel.samples(planar, light.group(point.set, group), &conditions) & open;
+        blocked = 0;
+        for (half, row) in light.group(point.set, group).iter().enumerate() {
+            blocked |= kernel.samples(planar, row, &conditions) << (LANES * half);
+        }
+        blocked &= open;
     } else {
         let height = blocker.height(point.at);
         let behind = height < 0. && blocker.flags & FROM_BEHIND != 0;
