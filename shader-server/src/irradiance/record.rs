@@ -11,11 +11,15 @@ use super::{
 };
 use crate::{lights::Receiver, random::Stream, stage::Stage};
 
-/// Rays of a record.
-pub(crate) const STRATA: Strata = Strata {
-    rings: 12,
-    sectors: 30,
-};
+/// Rays of a record. Those of coarse levels are few and each shows over many pixels, so they have more.
+fn strata(level: u8) -> Strata {
+    let (rings, sectors) = match level {
+        0..=2 => (24, 60),
+        3 => (17, 42),
+        _ => (12, 30),
+    };
+    Strata { rings, sectors }
+}
 
 /// Sine of the angle above the tangent plane below which what is near does not count: it may be the surface itself, bent.
 const LOW: f64 = 0.17;
@@ -37,9 +41,10 @@ pub(crate) struct Record {
 
 /// The directions of a record's rays.
 pub(crate) fn directions(place: Place, site: &Receiver) -> impl Iterator<Item = DVec3> {
-    (0..STRATA.count()).map(move |index| {
+    let strata = strata(place.cell.level);
+    (0..strata.count()).map(move |index| {
         let mut stream = place.stream(SALT).part(index as u64);
-        towards(&STRATA, site, index, &mut stream)
+        towards(&strata, site, index, &mut stream)
     })
 }
 
@@ -79,7 +84,7 @@ impl IrradianceCache {
     /// Computes the record of a place.
     pub(crate) fn gather(&self, stage: &Stage, place: Place, site: &Receiver) -> Record {
         let stream = place.stream(SALT);
-        self.gather_at(stage, site, &STRATA, &stream)
+        self.gather_at(stage, site, &strata(place.cell.level), &stream)
     }
 
     /// Indirect irradiance at any point of a surface by rays from there alone, as records have it at their sites.
