@@ -248,3 +248,7 @@ fn size_m([a, b, c]: [DVec3; 3]) -> f64 {
     let twice_area = (b - a).cross(c - a).length();
     twice_area.sqrt().max(SLIVER * longest)
 }
+
+#[cfg(test)]
+#[path = "patch_tests.rs"]
+mod tests;
