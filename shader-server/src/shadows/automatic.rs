@@ -177,16 +177,16 @@ impl Terms<'_> {
         let tried = pilot.try_out(&casting);
         let counts = tried.work.casting;
         let cost = self.cost(&tried, pilot, Costs::TYPICAL.casting_ns(&counts));
-        // Samples are tried group by group, and receivers and polygons whatever their number.
-        let by_group = Costs::TYPICAL.group_ns * counts.groups as f64;
-        let group_share = by_group / Costs::TYPICAL.casting_ns(&counts).max(1.);
+        // Samples are tried row by row, and receivers and polygons whatever their number.
+        let by_row = Costs::TYPICAL.row_ns * counts.rows as f64;
+        let row_share = by_row / Costs::TYPICAL.casting_ns(&counts).max(1.);
         let mut add = |samples: u32, way: Way| {
             let ratio = f64::from(samples) / f64::from(TRIED_SAMPLES);
             candidates.push(Candidate {
                 way,
                 name: format!("casting {samples} samples"),
                 error: tried.error * ratio.powf(-POWER),
-                cost: preparing + cost * (1. - group_share + group_share * ratio),
+                cost: preparing + cost * (1. - row_share + row_share * ratio),
             });
         };
         add(TRIED_SAMPLES, Way::Casting(Arc::new(casting)));
