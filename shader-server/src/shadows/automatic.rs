@@ -13,12 +13,12 @@ use super::{
     casting::{Blockers, Casting},
     chosen::{Choice, Way},
     mapping::{self, Mapping},
-    pilot::{Pilot, Tried},
+    pilot::{Effort, Pilot, Tried},
 };
 use crate::stage::Stage;
 
 /// Receivers that a light's preparations serve before something moves: a picture of 512x512.
-const PICTURE: f64 = 262_144.;
+pub(super) const PICTURE: f64 = 262_144.;
 
 /// Samples come in groups of so many.
 const GROUP: u32 = 32;
@@ -28,8 +28,11 @@ const TRIED_SAMPLES: u32 = 256;
 /// that an outline passes through are in doubt, out of all.
 const POWER: f64 = 0.75;
 
+/// Share of the error allowed that a method may seem to have: what some two hundred receivers tell is a tenth off or so.
+const MARGIN: f64 = 0.85;
+
 /// Strata a side that shadow rays begin with.
-const STRATA: [u32; 4] = [3, 4, 5, 8];
+const STRATA: [u32; 5] = [2, 3, 4, 5, 8];
 
 /// Angles between texels of maps, radians, from cheap to exact.
 const TEXELS: [f32; 4] = [0.016, 0.008, 0.004, 0.002];
@@ -38,27 +41,33 @@ const TEXELS: [f32; 4] = [0.016, 0.008, 0.004, 0.002];
 ///
 /// Medians on a 2.6 GHz AMD EPYC 9R14 over the built-in scenes. Their ratios count, not their size.
 struct Units {
-    /// A receiver, whatever is done for it.
-    receiver: f64,
+    /// To look for what may be between a receiver and a light.
+    search: f64,
     /// A shadow ray.
     ray: f64,
     /// A face drawn onto a light.
     face: f64,
+    /// To sort a receiver into a leaf and to weigh its samples.
+    cast_receiver: f64,
+    /// Casting.
+    casting: Costs,
     /// Making a face ready to be cast.
     prepared_face: f64,
     /// A texel of a map with its share of what follows.
     texel: f64,
-    /// Asking the maps of a linear light.
+    /// Asking the map of a sample.
     lookup: f64,
 }
 
 const UNITS: Units = Units {
-    receiver: 400.,
-    ray: 180.,
-    face: 25.,
-    prepared_face: 1500.,
+    search: 450.,
+    ray: 150.,
+    face: 250.,
+    cast_receiver: 110.,
+    casting: Costs::TYPICAL,
+    prepared_face: 300.,
     texel: 350.,
-    lookup: 500.,
+    lookup: 300.,
 };
 
 /// A method with a setting, and what it is expected to come to.
@@ -82,7 +91,12 @@ pub(super) struct Terms<'a> {
 impl Terms<'_> {
     /// Chooses for a light that has more than one place. `blockers` are made if they are needed.
     pub(super) fn choose(&self, light: usize, blockers: &mut Option<Blockers>) -> Choice {
-        let pilot = Pilot::new(self.stage, light, &self.rays, !self.steady);
+        let pilot = Pilot::new(
+            self.stage,
+            light,
+            self.rays,
+            &Effort::choosing(self.stage, !self.steady),
+        );
         if pilot.penumbral() == 0 {
             return self.only_rays(format!(
                 "none of {} receivers tried is in a penumbra: nothing else is worth preparing",
@@ -112,7 +126,7 @@ impl Terms<'_> {
 
     /// The cheapest that is good enough, or the best if none is.
     fn best<'c>(&self, candidates: &'c [Candidate]) -> Option<&'c Candidate> {
-        let good = candidates.iter().filter(|c| c.error <= self.error);
+        let good = candidates.iter().filter(|c| c.error <= MARGIN * self.error);
         let cheapest = good.min_by(|a, b| a.cost.total_cmp(&b.cost));
         let most_exact = || candidates.iter().min_by(|a, b| a.error.total_cmp(&b.error));
         cheapest.or_else(most_exact)
@@ -134,15 +148,18 @@ impl Terms<'_> {
         Candidate {
             name: format!("rays from {strata}x{strata} strata"),
             error: tried.error,
-            cost: self.cost(&tried, pilot, rays_ns(&tried.work)),
+            cost: self.cost(
+                &tried,
+                UNITS.search + rays_ns(&tried.work) / pilot.len() as f64,
+            ),
             way: Way::Rays(rays),
         }
     }
 
     /// Nanoseconds a receiver: as measured, or by what was done.
-    fn cost(&self, tried: &Tried, pilot: &Pilot<'_>, modelled_ns: f64) -> f64 {
+    fn cost(&self, tried: &Tried, modelled_ns: f64) -> f64 {
         if self.steady {
-            UNITS.receiver + modelled_ns / pilot.len() as f64
+            modelled_ns
         } else {
             1e9 * tried.seconds
         }
@@ -176,10 +193,12 @@ impl Terms<'_> {
         };
         let tried = pilot.try_out(&casting);
         let counts = tried.work.casting;
-        let cost = self.cost(&tried, pilot, Costs::TYPICAL.casting_ns(&counts));
+        let casting_ns = UNITS.casting.casting_ns(&counts);
+        let modelled_ns = UNITS.cast_receiver + casting_ns / pilot.len() as f64;
+        let cost = self.cost(&tried, modelled_ns);
         // Samples are tried row by row, and receivers and polygons whatever their number.
-        let by_row = Costs::TYPICAL.row_ns * counts.rows as f64;
-        let row_share = by_row / Costs::TYPICAL.casting_ns(&counts).max(1.);
+        let by_row = UNITS.casting.row_ns * counts.rows as f64;
+        let row_share = by_row / casting_ns.max(1.);
         let mut add = |samples: u32, way: Way| {
             let ratio = f64::from(samples) / f64::from(TRIED_SAMPLES);
             candidates.push(Candidate {
@@ -190,7 +209,7 @@ impl Terms<'_> {
             });
         };
         add(TRIED_SAMPLES, Way::Casting(Arc::new(casting)));
-        let needed = enough(tried.error / self.error);
+        let needed = enough(tried.error / (MARGIN * self.error));
         if needed != TRIED_SAMPLES
             && let Ok(casting) = Casting::new(self.stage, blockers, emitter, sampled(needed), None)
         {
@@ -235,14 +254,15 @@ impl Terms<'_> {
             let stats = maps.stats();
             let preparing = UNITS.texel * stats.texels as f64 / PICTURE;
             let tried = pilot.try_out(&maps);
-            let lookups = UNITS.lookup * (stats.lights * pilot.len()) as f64;
+            let lookups = UNITS.lookup * stats.samples as f64;
             let candidate = Candidate {
                 name: format!("maps of {texel_angle} radians"),
                 error: tried.error,
-                cost: preparing + self.cost(&tried, pilot, lookups),
+                cost: preparing + self.cost(&tried, lookups),
                 way: Way::Maps(Arc::new(maps)),
             };
-            let (good, dear) = (candidate.error <= self.error, candidate.cost > least);
+            let good = candidate.error <= MARGIN * self.error;
+            let dear = candidate.cost > least;
             candidates.push(candidate);
             if good || dear {
                 return;

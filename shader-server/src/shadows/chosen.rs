@@ -256,7 +256,7 @@ impl Chosen {
 }
 
 impl Way {
-    fn method(&self) -> ShadowMethod {
+    pub(super) fn method(&self) -> ShadowMethod {
         match self {
             Self::Rays(_) => ShadowMethod::Rays,
             Self::Casting(_) => ShadowMethod::Penumbra,
@@ -264,7 +264,7 @@ impl Way {
         }
     }
 
-    fn visibility(&self) -> &dyn Visibility {
+    pub(super) fn visibility(&self) -> &dyn Visibility {
         match self {
             Self::Rays(rays) => rays,
             Self::Casting(casting) => &**casting,

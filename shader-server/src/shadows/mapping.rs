@@ -13,7 +13,7 @@ use crate::{
 pub(super) const OPTIONS: Options = Options {
     samples: 2,
     max_samples: 5,
-    texel_angle: 0.004,
+    texel_angle: 0.006,
     max_texels: 1 << 17,
     bias: 1.,
     refinements: 5,

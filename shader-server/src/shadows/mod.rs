@@ -11,6 +11,7 @@ mod cover;
 mod mapping;
 mod pilot;
 mod shadow_rays;
+pub mod survey;
 
 pub use self::{
     chosen::{Chosen, ShadowOptions, Wish},

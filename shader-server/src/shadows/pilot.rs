@@ -13,9 +13,8 @@ use crate::{
     stage::Stage,
 };
 
-/// Receivers wanted, and rays from the light that are spent on finding them.
+/// Receivers wanted; twice as many rays from the light are spent on finding them.
 const RECEIVERS: usize = 1024;
-const SEARCH: u64 = 2048;
 /// Surfaces met one behind the other: what is behind the first is where shadows are.
 const DEEP: usize = 4;
 /// Receivers in penumbrae whose true answer is found, at most.
@@ -31,6 +30,31 @@ const TRUTH: ShadowRays = ShadowRays {
     strata: 32,
     drawn_faces: 0,
 };
+
+/// What is spent on a pilot.
+pub(super) struct Effort {
+    /// Receivers, at most about; at least one.
+    pub(super) receivers: usize,
+    /// Receivers in penumbrae whose true answer is found, at most about.
+    pub(super) truths: usize,
+    /// Another one, other receivers.
+    pub(super) seed: u64,
+    /// Take the time as well.
+    pub(super) timed: bool,
+}
+
+impl Effort {
+    /// For choosing a method: all lights together get no more than a few would.
+    pub(super) fn choosing(stage: &Stage, timed: bool) -> Self {
+        let part = (stage.emitters().len() / FEW_LIGHTS).max(1);
+        Self {
+            receivers: (RECEIVERS / part).max(1),
+            truths: (TRUTHS / part).max(1),
+            seed: SEED,
+            timed,
+        }
+    }
+}
 
 /// What trying a method gave.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -57,21 +81,20 @@ pub(super) struct Pilot<'a> {
 impl<'a> Pilot<'a> {
     /// Finds receivers where light falls or would fall, and the true answer for some of those in penumbrae. The same in every
     /// run.
-    pub(super) fn new(stage: &'a Stage, light: usize, rays: &ShadowRays, timed: bool) -> Self {
+    pub(super) fn new(stage: &'a Stage, light: usize, rays: ShadowRays, effort: &Effort) -> Self {
         let emitter = &stage.emitters()[light];
-        // All lights together get no more time than a few.
-        let part = (stage.emitters().len() / FEW_LIGHTS).max(1);
-        let found: Vec<Vec<Receiver>> = (0..SEARCH)
+        let seed = effort.seed.wrapping_add(light as u64);
+        let found: Vec<Vec<Receiver>> = (0..2 * effort.receivers as u64)
             .into_par_iter()
-            .map(|ray| below(stage, emitter, Stream::new(SEED + light as u64, ray)))
+            .map(|ray| below(stage, emitter, Stream::new(seed, ray)))
             .collect();
         // Spread over all rays from the light.
         let all: Vec<Receiver> = found.into_iter().flatten().collect();
-        let step = all.len().div_ceil(RECEIVERS / part).max(1);
+        let step = all.len().div_ceil(effort.receivers).max(1);
         let asked = all.into_iter().step_by(step).enumerate();
         let asked = asked.map(|(index, receiver)| Asked {
             receiver,
-            stream: Stream::new(!SEED, index as u64),
+            stream: Stream::new(!seed, index as u64),
             index,
             unoccluded: emitter.unoccluded(&receiver) as f32,
             seen: 0.,
@@ -80,17 +103,18 @@ impl<'a> Pilot<'a> {
             stage,
             light,
             asked: asked.collect(),
-            clock: timed
+            clock: effort
+                .timed
                 .then(|| ThreadPoolBuilder::new().num_threads(1).build().ok())
                 .flatten(),
             truth: Vec::new(),
         };
-        pilot.find_truth(rays, TRUTHS / part);
+        pilot.find_truth(rays, effort.truths);
         pilot
     }
 
-    fn find_truth(&mut self, rays: &ShadowRays, most: usize) {
-        let seen = self.answers(rays);
+    fn find_truth(&mut self, rays: ShadowRays, most: usize) {
+        let seen = self.answers(&rays);
         let partly = (0..seen.len()).filter(|index| seen[*index] > 0. && seen[*index] < 1.);
         let partly: Vec<usize> = partly.collect();
         let step = partly.len().div_ceil(most.max(1)).max(1);

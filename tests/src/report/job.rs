@@ -94,6 +94,8 @@ pub struct Job {
     pub seed: u32,
     /// Which edges of shadows keep samples apart.
     pub shadows: Shadows,
+    /// How servers find the visibility of all lights, as `--shadows` names it; as the scene and they like without.
+    pub visibility: Option<&'static str>,
 }
 
 impl Job {
@@ -131,6 +133,9 @@ impl Job {
                 option("--shadow-width", ratio.to_string().into());
             }
         }
+        if let Some(method) = self.visibility {
+            option("--shadows", method.into());
+        }
         let write = match self.write {
             Write::All => "all".to_owned(),
             Write::Last => "last".to_owned(),
@@ -160,12 +165,24 @@ pub(super) fn example() -> Job {
         threads: Some(1),
         seed: 7,
         shadows: Shadows::Chosen,
+        visibility: None,
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn visibility_is_named_where_it_is_forced() {
+        let job = Job {
+            visibility: Some("penumbra"),
+            ..example()
+        };
+        let args = job.args(Path::new("o"), Path::new("s"));
+        let place = args.iter().position(|arg| arg == "--shadows");
+        assert_eq!(place.map(|i| args[i + 1].to_str()), Some(Some("penumbra")));
+    }
 
     #[test]
     fn the_command_line_is_the_contract_s() {

@@ -262,6 +262,7 @@ impl<'a> Lab<'a> {
             threads: None,
             seed: 0,
             shadows: Shadows::Chosen,
+            visibility: None,
         })
     }
 

@@ -11,6 +11,7 @@ mod rivals;
 mod shadows;
 mod stages;
 mod still;
+mod visibility;
 
 use super::lab::Lab;
 use super::page::Block;
@@ -28,7 +29,7 @@ pub struct Section {
 }
 
 /// All sections in the order of the page.
-pub const ALL: [Section; 11] = [
+pub const ALL: [Section; 12] = [
     machine::SECTION,
     still::SECTION,
     pictures::SECTION,
@@ -39,11 +40,12 @@ pub const ALL: [Section; 11] = [
     counts::SECTION,
     paper::SECTION,
     rays::SECTION,
+    visibility::SECTION,
     rivals::SECTION,
 ];
 
 /// The names that `--only` takes.
-pub fn names() -> [&'static str; 11] {
+pub fn names() -> [&'static str; 12] {
     ALL.map(|section| section.name)
 }
 

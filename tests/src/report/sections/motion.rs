@@ -86,6 +86,7 @@ fn job(lab: &Lab, case: &Case, method: Method, share: u32) -> Job {
         threads: None,
         seed: 0,
         shadows: Shadows::Chosen,
+        visibility: None,
     }
 }
 

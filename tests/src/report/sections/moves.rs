@@ -174,6 +174,7 @@ fn job(lab: &Lab, step: &Step, method: Method, shadows: Shadows) -> Result<Job, 
         threads: None,
         seed: u32::from(is_reference),
         shadows,
+        visibility: None,
     })
 }
 

@@ -241,6 +241,7 @@ fn sparse_run(
         threads: Some(1),
         seed: 0,
         shadows,
+        visibility: None,
     };
     lab.run(&job, &[])
 }
@@ -258,6 +259,7 @@ fn full_run(lab: &mut Lab, scene: &Path, path: Option<&str>) -> Result<Rc<Run>, 
         threads: Some(1),
         seed: 0,
         shadows: Shadows::Chosen,
+        visibility: None,
     };
     lab.run(&job, &[])
 }

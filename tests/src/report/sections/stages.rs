@@ -42,6 +42,7 @@ pub(super) fn timed_runs(lab: &mut Lab, case: &Case, threads: u32, sizes: usize)
             threads: Some(threads),
             seed: 0,
             shadows: Shadows::Chosen,
+            visibility: None,
         };
         (*size_px, lab.run(&job, &[]))
     };
