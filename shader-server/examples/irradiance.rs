@@ -47,14 +47,6 @@ fn main() {
         places.len()
     );
 
-    if let Ok(file) = std::env::var("CACHEDUMP") {
-        let bytes: Vec<u8> = all
-            .iter()
-            .flat_map(|v| v.to_array())
-            .flat_map(f32::to_le_bytes)
-            .collect();
-        std::fs::write(file, bytes).unwrap();
-    }
     let step = places.len() / PLACES;
     let some: Vec<(usize, &Receiver)> =
         (0..PLACES).map(|i| (i * step, &places[i * step])).collect();
