@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use rays::World;
 
 use crate::{
-    cast::{self, Counts, Scratch},
+    cast::{self, Counts, Done, Scratch},
     caster::Caster,
     costs::Costs,
     lanes::LANES,
@@ -18,8 +18,6 @@ use crate::{
 const TILE: usize = 32 * LANES;
 /// Leaves after which a tile that found rays cheaper asks again whether they are.
 const ASK_AGAIN: usize = 16;
-/// Casting a leaf is given up when it has cost this many times what rays would.
-const GIVE_UP: f64 = 1.;
 
 thread_local! {
     static SCRATCH: Cell<Option<Box<Scratch>>> = const { Cell::new(None) };
@@ -201,25 +199,23 @@ impl Tile<'_> {
         let caster = self.caster;
         let (world, costs, either) = match self.route {
             Route::Cast => {
-                cast::cast(caster, leaf, (&Costs::TYPICAL, f64::INFINITY), scratch);
+                cast::cast(caster, leaf, None, scratch);
                 return;
             }
             Route::Rays(world, costs) => (world, costs, false),
             Route::Cheaper(world, costs) => (world, costs, true),
         };
         if either && *rays_left == 0 {
-            let rays = leaf.len * caster.light().sampling().samples as usize;
-            let rays_ns = rays as f64 * costs.ray_ns;
-            let before = scratch.counts;
-            let done = cast::cast(caster, leaf, (&costs, GIVE_UP * rays_ns), scratch);
-            if !done || costs.casting_ns(&scratch.counts.since(&before)) > rays_ns {
+            let done = cast::cast(caster, leaf, Some(&costs), scratch);
+            if done != Done::Cheaply {
                 *rays_left = ASK_AGAIN - 1;
             }
-            if done {
+            if done != Done::Not {
                 return;
             }
+        } else {
+            *rays_left = rays_left.saturating_sub(1);
         }
-        *rays_left = rays_left.saturating_sub(1);
         cast::begin(caster, leaf, scratch);
         shadow_rays::trace(
             caster,

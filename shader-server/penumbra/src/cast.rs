@@ -19,6 +19,10 @@ use crate::{
 const WORDS: usize = MAX_SAMPLES as usize / 32;
 /// Rows of sixteen samples at most.
 const ROWS: usize = 2 * WORDS;
+/// Casting is given up when it has cost this many times what rays would, and counts as dear above the second number: costs are
+/// means, and what was begun is not thrown away for a little.
+const GIVE_UP: f64 = 1.5;
+const DEAR: f64 = 1.15;
 /// All samples of a row.
 const ROW: u32 = 0xFFFF;
 /// Rows that a polygon must meet before it is asked whether it hides one as a whole.
@@ -99,18 +103,31 @@ impl Default for Scratch {
     }
 }
 
-/// Fills `scratch.masks` for the receivers of a leaf. Gives up, with masks half done, if that costs more than `most_ns`; says
-/// whether it did not.
+/// How casting a leaf went.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Done {
+    /// All masks are there, for no more than rays would have cost.
+    Cheaply,
+    /// All masks are there, but rays would have cost less.
+    Dearly,
+    /// Given up half done.
+    Not,
+}
+
+/// Fills `scratch.masks` for the receivers of a leaf. With costs it gives up when rays would clearly have cost less.
 pub(crate) fn cast(
     caster: &Caster,
     leaf: &Leaf,
-    (costs, most_ns): (&Costs, f64),
+    costs: Option<&Costs>,
     scratch: &mut Scratch,
-) -> bool {
+) -> Done {
     dispatch!(caster.level, simd => {
         let mut casting = Casting::new(Kernel(simd), caster, leaf, scratch);
         casting.begin();
-        casting.walk(costs, most_ns)
+        let rays_ns = costs.map_or(f64::INFINITY, |costs| {
+            f64::from(casting.open_samples()) * costs.ray_ns
+        });
+        casting.walk(costs.unwrap_or(&Costs::TYPICAL), rays_ns)
     })
 }
 
@@ -180,13 +197,21 @@ impl<'a, S: Simd> Casting<'a, S> {
         }
     }
 
-    /// Finds the polygons that may block and tries them; says whether that was done before it cost too much.
+    /// Samples that rays would have to go to.
+    fn open_samples(&self) -> u32 {
+        let groups = self.caster.light().groups();
+        let masks = self.scratch.masks[..self.leaf.len].iter();
+        let words = masks.flat_map(|mask| &mask[..groups]);
+        words.map(|word| word.count_zeros()).sum()
+    }
+
+    /// Finds the polygons that may block and tries them, as long as that costs little more than rays would.
     #[inline(always)]
-    fn walk(&mut self, costs: &Costs, most_ns: f64) -> bool {
+    fn walk(&mut self, costs: &Costs, rays_ns: f64) -> Done {
         let caster = self.caster;
         let before = self.scratch.counts;
         if caster.top.nodes.is_empty() || self.alive == 0 {
-            return true;
+            return Done::Cheaply;
         }
         self.scratch.stack.clear();
         self.scratch.gathered.clear();
@@ -214,15 +239,19 @@ impl<'a, S: Simd> Casting<'a, S> {
             if self.scratch.gathered.len() >= GATHERED {
                 self.try_gathered();
                 if self.alive == 0 {
-                    return true;
+                    break;
                 }
-                if costs.casting_ns(&self.scratch.counts.since(&before)) > most_ns {
-                    return false;
+                if costs.casting_ns(&self.scratch.counts.since(&before)) > GIVE_UP * rays_ns {
+                    return Done::Not;
                 }
             }
         }
         self.try_gathered();
-        true
+        if costs.casting_ns(&self.scratch.counts.since(&before)) > DEAR * rays_ns {
+            Done::Dearly
+        } else {
+            Done::Cheaply
+        }
     }
 
     #[inline(always)]

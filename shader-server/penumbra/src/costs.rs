@@ -13,7 +13,7 @@ use crate::{
 };
 
 /// Leaves that are cast and traced to find the costs.
-const TRIED: usize = 24;
+const TRIED: usize = 48;
 
 /// Time for each unit of work, nanoseconds of one thread.
 ///
@@ -66,12 +66,13 @@ impl Costs {
         let mut costs = Self::TYPICAL;
         let mut scratch = Scratch::default();
         let (mut casting_s, mut modelled_ns) = (0., 0.);
-        let (mut rays_s, mut rays) = ([0f64; 2], 0);
+        // Times of a ray weigh as much as casting took: where that is little, rays are not wanted whatever they cost.
+        let mut rays_ns = [0f64; 2];
         for points in points.chunks(LANES).step_by(step) {
             let leaf = Leaf::new(points);
             let seconds = best(|| {
                 scratch.counts = Counts::default();
-                cast::cast(caster, &leaf, (&costs, f64::INFINITY), &mut scratch);
+                cast::cast(caster, &leaf, None, &mut scratch);
             });
             if scratch.counts.pairs == 0 {
                 // Whoever is lit needs no rays whatever they cost.
@@ -79,22 +80,22 @@ impl Costs {
             }
             casting_s += seconds;
             modelled_ns += costs.casting_ns(&scratch.counts);
-            for (packets, seconds) in [false, true].into_iter().zip(&mut rays_s) {
-                *seconds += best(|| {
+            for (packets, sum_ns) in [false, true].into_iter().zip(&mut rays_ns) {
+                let traced_s = best(|| {
                     scratch.counts = Counts::default();
                     cast::begin(caster, &leaf, &mut scratch);
                     shadow_rays::trace(caster, world, (receivers, &leaf), packets, &mut scratch);
                 });
+                *sum_ns += seconds * 1e9 * traced_s / scratch.counts.rays.max(1) as f64;
             }
-            rays += scratch.counts.rays;
         }
-        if rays > 0 && modelled_ns > 0. {
+        if modelled_ns > 0. {
             let scale = 1e9 * casting_s / modelled_ns;
             costs.polygon_ns *= scale;
             costs.pair_ns *= scale;
             costs.row_ns *= scale;
-            costs.packets = rays_s[1] < rays_s[0];
-            costs.ray_ns = 1e9 * rays_s[0].min(rays_s[1]) / rays as f64;
+            costs.packets = rays_ns[1] < rays_ns[0];
+            costs.ray_ns = rays_ns[0].min(rays_ns[1]) / casting_s;
         }
         costs
     }

@@ -23,6 +23,7 @@
 //! ```
 
 mod alpha;
+mod antialias;
 mod batch;
 mod blocker;
 pub mod brute;
@@ -44,6 +45,7 @@ mod tree;
 mod weigh;
 
 pub use alpha::{Alpha, AlphaMap};
+pub use antialias::{FirstPass, SubReceiver, places};
 pub use batch::{Route, Seen, Wanted};
 pub use cast::Counts;
 pub use caster::{Caster, Instance};
