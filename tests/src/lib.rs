@@ -11,3 +11,4 @@ pub mod places;
 pub mod ray_speed;
 pub mod report;
 pub mod shadow_accuracy;
+pub mod shadow_speed;
