@@ -225,7 +225,7 @@ impl<S: Simd> Kernel<S> {
         let along_y = (y * self.all(light.min[1])).max(y * self.all(light.max[1]));
         let mut sum = along_x + along_y;
         if !view.planar {
-            sum = sum + (z * self.all(light.min[2])).max(z * self.all(light.max[2]));
+            sum += (z * self.all(light.min[2])).max(z * self.all(light.max[2]));
         }
         sum + constant
     }
@@ -236,9 +236,9 @@ impl<S: Simd> Kernel<S> {
         let light = &view.light;
         let mut keep = mask32x16::splat(self.0, true);
         if !view.planar {
-            for axis in 0..3 {
-                let high = at[axis].max(self.all(light.max[axis]));
-                let low = at[axis].min(self.all(light.min[axis]));
+            for (axis, at) in at.into_iter().enumerate() {
+                let high = at.max(self.all(light.max[axis]));
+                let low = at.min(self.all(light.min[axis]));
                 keep &= self.all(bounds.min[axis]).simd_le(high);
                 keep &= self.all(bounds.max[axis]).simd_ge(low);
             }
@@ -248,9 +248,9 @@ impl<S: Simd> Kernel<S> {
         let near = self.all(bounds.min[2].max(0.));
         let far = self.all(bounds.max[2]);
         keep &= self.all(bounds.min[2]).simd_le(z);
-        for axis in 0..2 {
-            let right = at[axis] - self.all(light.max[axis]);
-            let left = at[axis] - self.all(light.min[axis]);
+        for (axis, at) in at.into_iter().take(2).enumerate() {
+            let right = at - self.all(light.max[axis]);
+            let left = at - self.all(light.min[axis]);
             let start = self.all(bounds.min[axis] - light.max[axis]);
             let end = self.all(bounds.max[axis] - light.min[axis]);
             keep &= (start * z).simd_le((right * near).max(right * far));
@@ -308,7 +308,7 @@ impl<S: Simd> Kernel<S> {
         let mut sum =
             self.all(x) * self.row(&us[corner[0]]) + self.all(y) * self.row(&vs[corner[1]]);
         if !planar {
-            sum = sum + self.all(z) * self.row(&ws[corner[2]]);
+            sum += self.all(z) * self.row(&ws[corner[2]]);
         }
         (sum + self.all(constant)).simd_ge(self.all(least))
     }
@@ -347,7 +347,7 @@ impl<S: Simd> Kernel<S> {
     ) -> mask32x16<S> {
         let mut sum = self.all(x) * self.row(&row.0[0]) + self.all(y) * self.row(&row.0[1]);
         if !planar {
-            sum = sum + self.all(z) * self.row(&row.0[2]);
+            sum += self.all(z) * self.row(&row.0[2]);
         }
         (sum + self.all(constant)).simd_ge(self.all(least))
     }

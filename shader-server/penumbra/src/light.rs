@@ -83,9 +83,9 @@ impl Box3 {
     };
 
     pub(crate) fn add(&mut self, point: [f32; 3]) {
-        for axis in 0..3 {
-            self.min[axis] = self.min[axis].min(point[axis]);
-            self.max[axis] = self.max[axis].max(point[axis]);
+        for (axis, place) in point.into_iter().enumerate() {
+            self.min[axis] = self.min[axis].min(place);
+            self.max[axis] = self.max[axis].max(place);
         }
     }
 

@@ -190,7 +190,7 @@ impl Merging<'_> {
         }
         let n = corners.len();
         let distinct = (0..n).all(|i| !corners[..i].contains(&corners[i]));
-        if n > 4 || n < 3 || !distinct {
+        if !(3..=4).contains(&n) || !distinct {
             return None;
         }
         let normal = self.normal(a).normalize_or_zero();

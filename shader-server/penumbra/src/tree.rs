@@ -90,7 +90,8 @@ impl Building<'_> {
             }
             return (index as u32, all);
         }
-        let mut pieces = vec![0..order.len()];
+        let mut pieces = Vec::with_capacity(LANES);
+        pieces.push(0..order.len());
         while pieces.len() < LANES {
             let largest = (0..pieces.len()).max_by_key(|i| (pieces[*i].len(), usize::MAX - i));
             let Some(i) = largest.filter(|i| pieces[*i].len() > LANES) else {

@@ -122,10 +122,10 @@ impl Caster {
         let light = self.light();
         let mut point_of = vec![None; receivers.len()];
         let mut points = Vec::with_capacity(receivers.len());
-        for index in 0..receivers.len() {
+        for (index, place) in point_of.iter_mut().enumerate() {
             let point = Point::new(light, receivers, index, |own| self.key(own));
             if point.may_see(light) {
-                point_of[index] = Some(points.len() as u32);
+                *place = Some(points.len() as u32);
                 points.push(point);
             }
         }
