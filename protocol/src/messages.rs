@@ -243,9 +243,12 @@ pub enum ToServer {
         /// One line for people.
         text: String,
     },
-    /// How the visibility of lights is wanted, from version 3 on: at most once, after [`ToDisplay::Welcome`] and before
-    /// [`Self::SceneBegin`]. A wish: a server without the method uses another.
+    /// How samples are wanted to be made, from version 3 on: at most once, after [`ToDisplay::Welcome`] and before
+    /// [`Self::SceneBegin`]. A wish: a server without a method uses another.
     Shadows {
+        /// Whether samples are to be the same on every machine and in every run: no sample is [`flags::PROVISIONAL`], and
+        /// no method is chosen by what it costs here and now.
+        steady: bool,
         /// Error that [`ShadowMethod::Auto`] may make: root mean square over a light's penumbrae, as a share of the light in
         /// full view. In [0, 1].
         error: f32,

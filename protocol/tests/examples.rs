@@ -271,11 +271,13 @@ fn to_server_examples() -> Vec<Example> {
         example(
             "shadows-to-server",
             &ToServer::Shadows {
+                steady: true,
                 error: 0.0625,
                 methods: vec![ShadowMethod::Auto, ShadowMethod::Penumbra],
             },
             vec![
                 bytes(10u32, "Shadows"),
+                bytes(1u8, "steady"),
                 bytes(0.0625f32, "error"),
                 bytes(2u64, "methods: count"),
                 bytes(0u32, "methods[0]: Auto"),

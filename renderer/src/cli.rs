@@ -61,9 +61,9 @@ pub struct ServerArgs {
     /// The shader server that is built in takes equally many shadow rays everywhere: noisier, and right on average.
     #[arg(skip)]
     pub even_shadow_rays: bool,
-    /// The shader server that is built in answers no sample before its indirect light is computed.
+    /// Servers are asked for samples that depend on no machine and no time: none comes before its indirect light is computed.
     #[arg(skip)]
-    pub wait_for_records: bool,
+    pub steady: bool,
 }
 
 /// How the visibility of lights is found.

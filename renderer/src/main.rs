@@ -86,8 +86,7 @@ fn render(loaded: LoadedScene, args: &RenderArgs) -> Result<()> {
     let pixels = args.size.0 as usize * args.size.1 as usize;
     let server_args = ServerArgs {
         even_shadow_rays: args.choices.method == Method::Reference,
-        wait_for_records: args.lockstep
-            || matches!(args.choices.method, Method::Full | Method::Reference),
+        steady: args.lockstep || matches!(args.choices.method, Method::Full | Method::Reference),
         ..args.servers.clone()
     };
     let mut servers = Servers::start(&server_args, &scene, &shadows, args.seed, pixels, None)?;

@@ -68,6 +68,7 @@ impl Servers {
         config.capacity = config.capacity.max(2 * pixels);
         config.waker = waker;
         config.shadows = ShadowWish {
+            steady: args.steady,
             error: args.shadow_error,
             methods: match args.shadows {
                 Some(method) => vec![method.into(); scene.lights.len()],
@@ -241,9 +242,6 @@ fn sources(args: &ServerArgs) -> Result<Vec<ServerSource>, ServersError> {
             ]
             .map(OsString::from),
         );
-    }
-    if args.shader.is_none() && args.wait_for_records {
-        own.push("--wait-for-records".into());
     }
     let source = ServerSource::Spawn { program, args: own };
     Ok(vec![source; usize::from(args.shaders)])

@@ -170,6 +170,12 @@ impl Stage {
         self
     }
 
+    /// Whether indirect light is waited for, in scenes that ask for it.
+    #[must_use]
+    pub fn patience(&self) -> Option<Patience> {
+        self.irradiance.as_ref().map(|cache| cache.patience())
+    }
+
     /// Indirect irradiance, in scenes that ask for it.
     #[must_use]
     pub fn irradiance(&self) -> Option<&IrradianceCache> {

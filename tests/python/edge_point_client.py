@@ -254,7 +254,7 @@ def self_test():
         "ping": wire.ping(9),
         "goodbye": wire.goodbye(),
         "fault-to-server": wire.fault(4, "NaN"),
-        "shadows-to-server": wire.shadows(0.0625, [0, 2]),
+        "shadows-to-server": wire.shadows(True, 0.0625, [0, 2]),
     }
     wrong = [name for name, payload in packed.items() if shown.get(name) != wire.frame(payload)]
     if shown.get("scene") != scene:

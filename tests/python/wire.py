@@ -94,8 +94,8 @@ def fault(code, message):
     return u32(9) + u32(code) + text(message)
 
 
-def shadows(error, methods):
-    return u32(10) + floats(error) + listing([u32(method) for method in methods])
+def shadows(steady, error, methods):
+    return u32(10) + struct.pack("<?", steady) + floats(error) + listing([u32(method) for method in methods])
 
 
 def point_light(position, intensity):

@@ -32,6 +32,8 @@ pub enum ServerEvent {
     Scene(Digest, Assembler),
     /// How the visibility of lights is wanted, in the scene that comes next.
     Shadows {
+        /// Whether samples are to be the same on every machine and in every run.
+        steady: bool,
         /// Error that may be made.
         error: f32,
         /// By index of the light; there may be fewer than lights, or more.
@@ -187,7 +189,11 @@ impl ServerSession {
                 return Err(out_of_order("the first message is not Hello"));
             }
             ToServer::Ping { token } => return Ok(ServerEvent::Ping { token }),
-            ToServer::Shadows { error, methods } => return self.shadows(error, methods),
+            ToServer::Shadows {
+                steady,
+                error,
+                methods,
+            } => return self.shadows(steady, error, methods),
             ToServer::SceneBegin { digest, bytes } => return self.begin(digest, bytes),
             ToServer::SceneChunk { data } => return self.chunk(&data),
             _ => {}
@@ -212,6 +218,7 @@ impl ServerSession {
 
     fn shadows(
         &mut self,
+        steady: bool,
         error: f32,
         methods: Vec<ShadowMethod>,
     ) -> Result<ServerEvent, Violation> {
@@ -223,7 +230,11 @@ impl ServerSession {
             return Err(out_of_order("Shadows comes once, before SceneBegin"));
         }
         self.shadows_told = true;
-        Ok(ServerEvent::Shadows { error, methods })
+        Ok(ServerEvent::Shadows {
+            steady,
+            error,
+            methods,
+        })
     }
 
     fn begin(&mut self, digest: Digest, bytes: u64) -> Result<ServerEvent, Violation> {

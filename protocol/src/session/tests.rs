@@ -419,6 +419,7 @@ fn long_fault_texts_are_cut_at_a_character() {
 #[test]
 fn wishes_for_shadows_come_once_before_the_scene() {
     let wish = || ToServer::Shadows {
+        steady: true,
         error: 0.01,
         methods: vec![ShadowMethod::Penumbra],
     };
@@ -430,7 +431,7 @@ fn wishes_for_shadows_come_once_before_the_scene() {
     server.receive(hello("t", 1)).unwrap();
     let event = server.receive(wish()).unwrap();
     assert!(
-        matches!(event, ServerEvent::Shadows { error: 0.01, ref methods } if *methods == [ShadowMethod::Penumbra])
+        matches!(event, ServerEvent::Shadows { steady: true, error: 0.01, ref methods } if *methods == [ShadowMethod::Penumbra])
     );
     assert_eq!(
         server.receive(wish()).unwrap_err().code,

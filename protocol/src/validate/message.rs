@@ -42,7 +42,7 @@ pub fn validate_to_server(message: &ToServer) -> Checked {
             count(data.len(), 1, MAX_CHUNK).at(|| "SceneChunk.data".into())
         }
         ToServer::Fault { text, .. } => count(text.len(), 0, MAX_TEXT).at(|| "Fault.text".into()),
-        ToServer::Shadows { error, methods } => {
+        ToServer::Shadows { error, methods, .. } => {
             range(*error, 0.0, 1.0).at(|| "Shadows.error".into())?;
             count(methods.len(), 0, MAX_LIGHTS).at(|| "Shadows.methods".into())
         }

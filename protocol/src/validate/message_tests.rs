@@ -294,6 +294,7 @@ fn bad_texels_name_what_is_wrong() {
 #[test]
 fn shadows_are_checked() {
     let wish = |error, count| ToServer::Shadows {
+        steady: true,
         error,
         methods: vec![ShadowMethod::SoftMap; count],
     };

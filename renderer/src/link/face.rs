@@ -85,9 +85,11 @@ impl LinkConfig {
     }
 }
 
-/// How the visibility of lights is wanted; servers that have no choice do as they do.
+/// How samples and the visibility of lights are wanted; servers that have no choice do as they do.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ShadowWish {
+    /// Samples are to be the same on every machine and in every run.
+    pub steady: bool,
     /// Error that an automatic choice may make: root mean square over a light's penumbrae, as a share of the light in full
     /// view. In [0, 1].
     pub error: f32,
@@ -174,6 +176,7 @@ impl Link {
             encoded,
             name: config.name,
             shadows: ToServer::Shadows {
+                steady: config.shadows.steady,
                 error: config.shadows.error,
                 methods: config.shadows.methods,
             },

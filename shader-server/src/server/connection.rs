@@ -23,6 +23,7 @@ use super::{
 };
 use crate::{
     camera::Pinhole,
+    irradiance::Patience,
     shadows::{Chosen, Wish},
     stage::{Stage, StageError},
 };
@@ -238,8 +239,16 @@ impl Connection {
                     .set(edited.map_err(|e| Violation::new(FaultCode::Value, e.to_string()))?);
             }
             ServerEvent::Cancel { views_before } => self.desk.cancel(views_before),
-            ServerEvent::Shadows { error, methods } => {
-                self.desk.state().wish = Wish { error, methods };
+            ServerEvent::Shadows {
+                steady,
+                error,
+                methods,
+            } => {
+                self.desk.state().wish = Wish {
+                    steady,
+                    error,
+                    methods,
+                };
             }
             ServerEvent::Ping { token } => self.desk.send(ToDisplay::Pong { token }),
             ServerEvent::Goodbye(reason) => {
@@ -270,12 +279,16 @@ impl Connection {
             .find(|(held, _)| *held == digest)
             .map(|(_, stage)| stage);
         let stage = stage.ok_or_else(|| internal("a scene that was held is gone"))?;
-        let stage = Arc::clone(stage);
+        let mut stage = Arc::clone(stage);
+        if stage.patience().is_some_and(|held| held != self.patience()) {
+            // Whoever has patience must not meet what is held for those without, and the other way round.
+            stage = Arc::new((*stage).clone().with_patience(self.patience()));
+        }
         self.ready(digest, stage).await
     }
 
     async fn build(&self, digest: Digest, assembler: Assembler) -> Result<(), End> {
-        let patience = self.shared.config.patience;
+        let patience = self.patience();
         let built = self.on_pool(move || {
             let scene: Scene = assembler.finish().map_err(|e| Violation::from(&e))?;
             Stage::build(Arc::new(scene))
@@ -284,6 +297,15 @@ impl Connection {
         });
         let stage = built.await??;
         self.ready(digest, Arc::new(stage)).await
+    }
+
+    /// What the display wishes, or who started the server.
+    fn patience(&self) -> Patience {
+        if self.desk.state().wish.steady {
+            Patience::Final
+        } else {
+            self.shared.config.patience
+        }
     }
 
     async fn ready(&self, digest: Digest, stage: Arc<Stage>) -> Result<(), End> {

@@ -21,6 +21,8 @@ use crate::{lights::Shape, stage::Stage};
 /// How a display wants the visibility of lights found.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Wish {
+    /// Samples are to be the same on every machine and in every run.
+    pub steady: bool,
     /// Error that [`ShadowMethod::Auto`] may make: root mean square over a light's penumbrae, as a share of the light in full
     /// view.
     pub error: f32,
@@ -31,6 +33,7 @@ pub struct Wish {
 impl Default for Wish {
     fn default() -> Self {
         Self {
+            steady: false,
             error: 0.01,
             methods: Vec::new(),
         }
@@ -178,7 +181,7 @@ impl Chosen {
             stage,
             rays: self.options.rays,
             error: f64::from(self.wish.error),
-            steady: self.options.steady,
+            steady: self.options.steady || self.wish.steady,
         };
         terms.choose(light, &mut self.blockers)
     }

@@ -181,6 +181,7 @@ impl Client {
         assert_eq!(client.next().await.1, DisplayEvent::Welcome);
         if !methods.is_empty() {
             let wish = ToServer::Shadows {
+                steady: false,
                 error: 0.02,
                 methods: methods.to_vec(),
             };

@@ -72,8 +72,28 @@ fn indirect_light_depends_on_no_server_or_thread() {
     let more = ["--shaders", "2", "--shader-threads", "3"];
     let more = render(&scene, &folder.path().join("more"), &more);
     assert_same(&one, &more);
+    // A server of its own is asked for answers that are final.
+    let other = ShaderServer::start();
+    let apart = ["--connect", other.address.as_str()];
+    assert_same(&one, &render(&scene, &folder.path().join("apart"), &apart));
     std::fs::write(&scene, text).unwrap();
     assert_ne!(one, render(&scene, &folder.path().join("direct"), &[]));
+}
+
+#[test]
+fn every_way_to_find_visibility_depends_on_no_server_or_thread() {
+    let (folder, scene) = small_scene();
+    let mut pictures = Vec::new();
+    for method in ["auto", "penumbra", "soft-map"] {
+        let out = |run: &str| folder.path().join(format!("{method}-{run}"));
+        let forced = ["--shadows", method];
+        let one = render(&scene, &out("one"), &forced);
+        let two = ["--shaders", "2", "--shader-threads", "3"];
+        let two = render(&scene, &out("two"), &[&forced[..], &two].concat());
+        assert_same(&one, &two);
+        pictures.push(one);
+    }
+    assert_ne!(pictures[1], pictures[2], "the methods are different ones");
 }
 
 #[test]
