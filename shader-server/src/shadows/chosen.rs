@@ -277,7 +277,8 @@ impl Way {
 }
 
 fn shortened(text: &str) -> String {
-    text[..text.floor_char_boundary(MAX_NAME)].to_owned()
+    let end = (0..=text.len().min(MAX_NAME)).rfind(|end| text.is_char_boundary(*end));
+    text[..end.unwrap_or(0)].to_owned()
 }
 
 impl Visibility for Chosen {
