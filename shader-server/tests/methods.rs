@@ -39,7 +39,7 @@ fn line(x: f32) -> Light {
 }
 
 /// A floor, a ball over it, and two lights.
-fn ball_under(lights: [Light; 2], ball: Vec3) -> Scene {
+fn ball_under(lights: &[Light; 2], ball: Vec3) -> Scene {
     let at = moved(ball.x, ball.y, ball.z);
     let objects = vec![object("floor", 0, AT_ORIGIN), object("ball", 1, at)];
     let mut small = sphere(12, 24);
@@ -113,11 +113,11 @@ fn edits_give_what_a_scene_made_anew_gives() {
         ShadowMethod::SoftMap,
     ] {
         for (objects, lights, now) in &edits {
-            let before = stage(ball_under([area(0.), line(0.)], from));
+            let before = stage(ball_under(&[area(0.), line(0.)], from));
             let after = before.edited(objects, lights).unwrap();
             let kept = chosen(&before, method).after((&before, &after), objects, lights);
             let ball = if objects.is_empty() { from } else { to };
-            let anew = stage(ball_under(now.clone(), ball));
+            let anew = stage(ball_under(now, ball));
             let expected = answers(&anew, &chosen(&anew, method));
             let found = answers(&after, &kept);
             let what = format!("{method:?}, {objects:?}, {lights:?}");
@@ -147,7 +147,7 @@ fn edits_give_what_a_scene_made_anew_gives() {
 /// The automatic choice is the same in every run where it must be, and what it takes is near the truth.
 #[test]
 fn what_is_chosen_is_steady_and_good_enough() {
-    let stage = stage(ball_under([area(0.), line(0.)], vec3(0., 1., 0.)));
+    let stage = stage(ball_under(&[area(0.), line(0.)], vec3(0., 1., 0.)));
     let options = ShadowOptions {
         steady: true,
         ..ShadowOptions::default()

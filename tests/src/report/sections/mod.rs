@@ -1,5 +1,6 @@
 //! What the report consists of, one module a section.
 
+mod casting;
 mod counts;
 mod machine;
 mod motion;
@@ -29,7 +30,7 @@ pub struct Section {
 }
 
 /// All sections in the order of the page.
-pub const ALL: [Section; 12] = [
+pub const ALL: [Section; 13] = [
     machine::SECTION,
     still::SECTION,
     pictures::SECTION,
@@ -41,11 +42,12 @@ pub const ALL: [Section; 12] = [
     paper::SECTION,
     rays::SECTION,
     visibility::SECTION,
+    casting::SECTION,
     rivals::SECTION,
 ];
 
 /// The names that `--only` takes.
-pub fn names() -> [&'static str; 12] {
+pub fn names() -> [&'static str; 13] {
     ALL.map(|section| section.name)
 }
 
