@@ -187,7 +187,7 @@ impl Terms<'_> {
             samples,
             ..Sampling::default()
         };
-        let Ok(casting) = Casting::new(self.stage, blockers, emitter, sampled(TRIED_SAMPLES), None)
+        let Ok(casting) = Casting::new(self.stage, blockers, emitter, sampled(TRIED_SAMPLES))
         else {
             return;
         };
@@ -211,7 +211,7 @@ impl Terms<'_> {
         add(TRIED_SAMPLES, Way::Casting(Arc::new(casting)));
         let needed = enough(tried.error / (MARGIN * self.error));
         if needed != TRIED_SAMPLES
-            && let Ok(casting) = Casting::new(self.stage, blockers, emitter, sampled(needed), None)
+            && let Ok(casting) = Casting::new(self.stage, blockers, emitter, sampled(needed))
         {
             add(needed, Way::Casting(Arc::new(casting)));
         }

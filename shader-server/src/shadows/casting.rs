@@ -4,7 +4,7 @@ use std::{cell::Cell, sync::Arc};
 
 use glam::{Affine3A, Vec3};
 use penumbra::{
-    BlockerMesh, Caster, Costs, Instance, Light, LightError, Receivers, Route, Sampling, Seen,
+    BlockerMesh, Caster, Instance, Light, LightError, Receivers, Route, Sampling, Seen,
     Shape as Source, Wanted,
 };
 use protocol::scene::{self, Mesh};
@@ -62,16 +62,16 @@ thread_local! {
 }
 
 /// Penumbra casting for one light.
+///
+/// Tiles of receivers do not choose rays where those are cheaper, although [`Route::Cheaper`] could: rays and casting break ties
+/// on the very edge of a blocker differently, and a sample must not depend on what else is in its batch.
 #[derive(Clone)]
 pub(super) struct Casting {
     caster: Caster,
-    /// What rays and casting cost, where tiles may choose between them.
-    costs: Option<Costs>,
 }
 
 impl Casting {
-    /// Casts for `light`. With `costs`, tiles for which rays are cheaper take rays; samples on the very edge of a blocker are
-    /// then seen or not as the rest of the batch has it.
+    /// Casts for `light`.
     ///
     /// # Errors
     /// The light has a coordinate that is not finite, or `sampling` is out of bounds.
@@ -80,7 +80,6 @@ impl Casting {
         blockers: &Blockers,
         light: &Emitter,
         sampling: Sampling,
-        costs: Option<Costs>,
     ) -> Result<Self, LightError> {
         let (corners, own) = match &light.shape {
             Shape::Point(position) => (vec![*position], None),
@@ -89,7 +88,7 @@ impl Casting {
         };
         let light = Light::new(Source::Polygon(corners), sampling)?;
         let caster = Caster::new(blockers.instances(stage), light, own);
-        Ok(Self { caster, costs })
+        Ok(Self { caster })
     }
 
     /// The same where nothing but objects has moved.
@@ -102,10 +101,7 @@ impl Casting {
             .filter(|(index, _)| moved.contains(index))
             .collect();
         caster.move_instances(&places);
-        Self {
-            caster,
-            costs: self.costs,
-        }
+        Self { caster }
     }
 
     /// How the light is sampled.
@@ -124,7 +120,7 @@ impl Visibility for Casting {
         BATCH
     }
 
-    fn ask(&self, stage: &Stage, _light: usize, asked: &mut [Asked], shadows: &mut Shadows) {
+    fn ask(&self, _stage: &Stage, _light: usize, asked: &mut [Asked], shadows: &mut Shadows) {
         let mut scratch = SCRATCH.take().unwrap_or_default();
         let (receivers, seen) = &mut *scratch;
         receivers.clear();
@@ -144,11 +140,7 @@ impl Visibility for Casting {
             masks: false,
             pairs: true,
         };
-        let route = match self.costs {
-            Some(costs) => Route::Cheaper(stage.world(), costs),
-            None => Route::Cast,
-        };
-        self.caster.cast(receivers, route, wanted, seen);
+        self.caster.cast(receivers, Route::Cast, wanted, seen);
         for (asked, share) in asked.iter_mut().zip(&seen.shares) {
             asked.seen = *share;
         }

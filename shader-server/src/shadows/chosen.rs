@@ -144,7 +144,7 @@ impl Chosen {
     fn cast_again(&mut self, stage: &Stage, light: usize, before: &Casting) -> Way {
         let blockers = self.blockers.get_or_insert_with(|| Blockers::new(stage));
         let emitter = &stage.emitters()[light];
-        let casting = Casting::new(stage, blockers, emitter, before.sampling(), None);
+        let casting = Casting::new(stage, blockers, emitter, before.sampling());
         casting.map_or(Way::Rays(self.options.rays), |casting| {
             Way::Casting(Arc::new(casting))
         })
@@ -200,7 +200,7 @@ impl Chosen {
         }
         let blockers = self.blockers.get_or_insert_with(|| Blockers::new(stage));
         let sampling = Sampling::default();
-        let casting = Casting::new(stage, blockers, emitter, sampling, None);
+        let casting = Casting::new(stage, blockers, emitter, sampling);
         match casting {
             Ok(casting) => Choice {
                 why: format!(

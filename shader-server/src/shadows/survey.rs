@@ -187,7 +187,7 @@ fn casting(
 ) -> Option<Way> {
     let blockers = blockers.get_or_insert_with(|| Blockers::new(stage));
     let emitter = stage.emitters().get(light)?;
-    let casting = Casting::new(stage, blockers, emitter, sampling, None).ok()?;
+    let casting = Casting::new(stage, blockers, emitter, sampling).ok()?;
     Some(Way::Casting(Arc::new(casting)))
 }
 
