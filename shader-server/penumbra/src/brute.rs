@@ -8,7 +8,7 @@ use crate::{
     receivers::{Point, Receivers},
 };
 
-/// A mask a receiver, one bit a sample, set where the sample is blocked: all by [`predicate`](crate::predicate) alone.
+/// A mask a receiver, one bit a sample, set where the sample is blocked: all by the same predicate.
 #[must_use]
 pub fn masks(caster: &Caster, receivers: &Receivers) -> Vec<u32> {
     let groups = caster.light().groups();

@@ -48,7 +48,8 @@ pub(crate) fn share(light: &Light, at: [f32; 3], normal: [f32; 3], set: u32, mas
     }
 }
 
-/// [`share`] for a caller with masks: the receiver's place and unit normal in world space, its set and its mask.
+/// Share of a light's unoccluded irradiance that reaches a receiver, in [0, 1], for a caller with masks: by the receiver's place and unit
+/// normal in world space, its set and its mask. Samples weigh as a diffuse light gives.
 #[must_use]
 pub fn share_of_irradiance(
     light: &Light,
