@@ -225,14 +225,160 @@ TO_DISPLAY = (
 )
 
 
-def unpack_to_display(payload):
-    """(name, fields) of a message from a server; every byte must belong to it."""
+def _whole(payload, messages):
+    """(name, fields) of a message; every byte must belong to it."""
     reader = Reader(payload)
     variant = reader.unpack("I")
-    if variant >= len(TO_DISPLAY):
+    if variant >= len(messages):
         raise Surprise(f"message {variant} does not exist")
-    name, unpack = TO_DISPLAY[variant]
+    name, unpack = messages[variant]
     fields = unpack(reader)
     if reader.rest:
-        raise Surprise(f"{len(reader.rest)} bytes follow a {name}")
+        raise Surprise(f"{len(reader.rest)} bytes after {name}")
     return name, fields
+
+
+def unpack_to_display(payload):
+    """(name, fields) of a message from a server; every byte must belong to it."""
+    return _whole(payload, TO_DISPLAY)
+
+
+# Display to server, unpacked.
+
+def _camera(r):
+    return {
+        "view": r.unpack("I"), "eye": r.unpack("3f"), "target": r.unpack("3f"), "up": r.unpack("3f"),
+        "fov_y": r.unpack("f"), "width": r.unpack("I"), "height": r.unpack("I"),
+    }
+
+
+def _request(r):
+    return {
+        "view": r.unpack("I"),
+        "samples": [(r.unpack("Q"), r.unpack("H"), r.unpack("H"), r.unpack("2f"))
+                    for _ in range(r.count(20))],
+    }
+
+
+def _light(r):
+    """(variant, places, strength)."""
+    variant = r.unpack("I")
+    if variant == 0:
+        return variant, [r.unpack("3f")], r.unpack("3f")
+    if variant == 1:
+        return variant, [r.unpack("3f"), r.unpack("3f")], r.unpack("3f")
+    if variant == 2:
+        return variant, [r.unpack("3f") for _ in range(r.count(12))], r.unpack("3f")
+    raise Surprise(f"light {variant} does not exist")
+
+
+def _edit(r):
+    return {
+        "epoch": r.unpack("I"),
+        "objects": [(r.unpack("I"), r.unpack("12f")) for _ in range(r.count(52))],
+        "lights": [(r.unpack("I"), _light(r)) for _ in range(r.count(32))],
+    }
+
+
+def _wish(r):
+    return {
+        "steady": r.boolean(), "error": r.unpack("f"),
+        "methods": [r.unpack("I") for _ in range(r.count(4))],
+    }
+
+
+TO_SERVER = (
+    ("Hello", lambda r: {"min_version": r.unpack("H"), "max_version": r.unpack("H"), "name": r.text(),
+                         "seed": r.unpack("Q")}),
+    ("SceneBegin", lambda r: {"digest": r.take(32), "bytes": r.unpack("Q")}),
+    ("SceneChunk", lambda r: {"data": r.take(r.count(1))}),
+    ("View", _camera),
+    ("Request", _request),
+    ("Edit", _edit),
+    ("Cancel", lambda r: {"views_before": r.unpack("I")}),
+    ("Ping", lambda r: {"token": r.unpack("Q")}),
+    ("Goodbye", lambda r: {}),
+    ("Fault", _fault),
+    ("Shadows", _wish),
+)
+
+
+def unpack_to_server(payload):
+    """(name, fields) of a message from a display; every byte must belong to it."""
+    return _whole(payload, TO_SERVER)
+
+
+def _material(r):
+    """Diffuse reflectance; the rest is read and left."""
+    r.text()
+    diffuse = r.unpack("3f")
+    if r.boolean():
+        r.unpack("I")
+    r.unpack("4f")
+    return diffuse
+
+
+def _mesh(r):
+    tables = {"positions": [r.unpack("3f") for _ in range(r.count(12))],
+              "faces": [r.unpack("3I") for _ in range(r.count(12))]}
+    for form, size in (("3f", 12), ("3I", 12), ("2f", 8), ("3I", 12)):
+        for _ in range(r.count(size)):
+            r.unpack(form)
+    tables["face_materials"] = [r.unpack("I") for _ in range(r.count(4))]
+    return tables
+
+
+def unpack_scene(data):
+    """The tables of section 5, as far as direct light and diffuse reflection need them."""
+    r = Reader(data)
+    if r.unpack("I") > 2:
+        raise Surprise("this shading model does not exist")
+    tables = {"ambient": r.unpack("3f"), "background": r.unpack("3f"),
+              "lights": [_light(r) for _ in range(r.count(32))],
+              "materials": [_material(r) for _ in range(r.count(37))]}
+    for _ in range(r.count(16)):
+        r.unpack("2I")
+        r.take(3 * r.count(3))
+    tables["meshes"] = [_mesh(r) for _ in range(r.count(56))]
+    tables["objects"] = [
+        {"name": r.text(), "mesh": r.unpack("I"), "material": r.unpack("I"),
+         "transform": r.unpack("12f"), "crease_angle": r.unpack("f")} for _ in range(r.count(68))]
+    if r.rest:
+        raise Surprise(f"{len(r.rest)} bytes after the scene")
+    return tables
+
+
+# Server to display, packed.
+
+def welcome(version, name, shader, credits, max_batch):
+    """Of a server with one thread that reports triples, takes edits and holds no scene."""
+    return (u32(0) + u16(version) + text(name) + text(shader) + u32(credits) + u32(max_batch)
+            + b"\1\1" + u32(1) + u64(0))
+
+
+def scene_ready(digest):
+    return u32(1) + digest
+
+
+def sample(number, position, thing, radiance, flags):
+    return u64(number) + floats(*position) + u32(thing) + floats(*radiance) + u32(flags)
+
+
+def samples(view_number, epoch, packed):
+    return u32(2) + u32(view_number) + u32(epoch) + listing(packed)
+
+
+def triples(epoch, found):
+    return u32(3) + u32(epoch) + listing([struct.pack("<3I", *triple) for triple in found])
+
+
+def status(queued, traced, rays, cancelled_before):
+    return u32(4) + u32(queued) + u64(traced) + u64(rays) + u32(cancelled_before)
+
+
+def pong(token):
+    return u32(5) + u64(token)
+
+
+def fault_to_display(code, message):
+    return u32(6) + u32(code) + text(message)
