@@ -1,8 +1,8 @@
 //! What a part of a linear light gives a receiver if nothing is in between.
 
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 
-use crate::Receiver;
+use crate::{Receiver, segment};
 
 /// Irradiance at `receiver` from the segment `from`-`to`, for 1 W/sr a metre; W/m² per W/(m sr).
 ///
@@ -12,60 +12,19 @@ pub(crate) fn irradiance(receiver: &Receiver, ends: [Vec3; 2], facing: Option<Ve
     let normal = receiver.normal.as_dvec3();
     let position = receiver.position.as_dvec3();
     let [from, to] = ends.map(|end| end.as_dvec3() - position);
-    let Some([from, to]) = above_horizon(from, to, normal) else {
+    let Some(facing) = facing.map(|facing| facing.as_dvec3()) else {
+        return segment::irradiance(from, to, normal);
+    };
+    let Some((from, to)) = segment::above_horizon(from, to, normal) else {
         return 0.;
     };
-    let length = (to - from).length();
-    if length == 0. {
-        return 0.;
-    }
-    match facing {
-        None => isotropic(from, to, length, normal),
-        Some(facing) => {
-            let facing = facing.as_dvec3();
-            let at = |s: f64| {
-                let q = from.lerp(to, s);
-                let square = q.length_squared();
-                let value = q.dot(normal).max(0.) * (-q.dot(facing)).max(0.) / (square * square);
-                if value.is_finite() { value } else { 0. }
-            };
-            length * (at(0.) + 4. * at(0.5) + at(1.)) / 6.
-        }
-    }
-}
-
-/// The integral of n·q/|q|³ along a segment above the horizon, in closed form.
-fn isotropic(from: DVec3, to: DVec3, length: f64, normal: DVec3) -> f64 {
-    let along = (to - from) / length;
-    let (start, end) = (from.dot(along), to.dot(along));
-    let foot = from - along * start;
-    let (near, far) = (from.length(), to.length());
-    if near == 0. || far == 0. {
-        return 0.;
-    }
-    // ∫ dτ/(τ²+h²)^{3/2} in two forms: the first divides by nothing that vanishes when the line passes close by.
-    let across = if start * end > 0. {
-        (end * end - start * start) / (near * far * (end * near + start * far))
-    } else {
-        let square = foot.length_squared();
-        if square > 0. {
-            (end / far - start / near) / square
-        } else {
-            0.
-        }
+    let at = |s: f64| {
+        let q = from.lerp(to, s);
+        let square = q.length_squared();
+        let value = q.dot(normal).max(0.) * (-q.dot(facing)).max(0.) / (square * square);
+        if value.is_finite() { value } else { 0. }
     };
-    (foot.dot(normal) * across + along.dot(normal) * (1. / near - 1. / far)).max(0.)
-}
-
-/// The part of a segment with q·normal ≥ 0.
-fn above_horizon(from: DVec3, to: DVec3, normal: DVec3) -> Option<[DVec3; 2]> {
-    let (a, b) = (from.dot(normal), to.dot(normal));
-    match (a >= 0., b >= 0.) {
-        (true, true) => Some([from, to]),
-        (false, false) => None,
-        (true, false) => Some([from, from.lerp(to, a / (a - b))]),
-        (false, true) => Some([from.lerp(to, a / (a - b)), to]),
-    }
+    (to - from).length() * (at(0.) + 4. * at(0.5) + at(1.)) / 6.
 }
 
 #[cfg(test)]

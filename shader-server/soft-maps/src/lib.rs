@@ -52,6 +52,7 @@ mod pair;
 mod predict;
 mod sample;
 mod seam;
+pub mod segment;
 mod skins;
 
 pub use self::{

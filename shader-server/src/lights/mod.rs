@@ -1,7 +1,8 @@
 //! Lights, prepared for shading.
 
 pub mod polygon;
-pub mod segment;
+
+pub use soft_maps::segment;
 
 use glam::{DVec3, Vec2, Vec3};
 use protocol::scene::Light;
