@@ -149,6 +149,9 @@ pub struct Capabilities {
     pub threads: u32,
 }
 
+/// Error that [`ShadowMethod::Auto`] may make where nobody says otherwise, as in [`ToServer::Shadows`]: pictures do not show it.
+pub const SHADOW_ERROR: f32 = 0.01;
+
 /// A way to find out how much of a light can be seen from where.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub enum ShadowMethod {

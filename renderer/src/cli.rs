@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use protocol::messages::ShadowMethod;
+use protocol::messages::{SHADOW_ERROR, ShadowMethod};
 
 use crate::config::Choices;
 use crate::show::Show;
@@ -56,7 +56,7 @@ pub struct ServerArgs {
     #[arg(long, value_enum, value_name = "METHOD")]
     pub shadows: Option<Shadows>,
     /// Error that `--shadows auto` may make: root mean square over a light's penumbrae, as a share of the light in full view
-    #[arg(long, default_value_t = 0.01, value_name = "SHARE", value_parser = parse_share)]
+    #[arg(long, default_value_t = SHADOW_ERROR, value_name = "SHARE", value_parser = parse_share)]
     pub shadow_error: f32,
     /// The shader server that is built in takes equally many shadow rays everywhere: noisier, and right on average.
     #[arg(skip)]

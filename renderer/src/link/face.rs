@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use protocol::ToServer;
 use protocol::messages::{
-    Camera, LightMove, ObjectMove, Sample, SampleRequest, ShadowMethod, Texel, Triple,
+    Camera, LightMove, ObjectMove, SHADOW_ERROR, Sample, SampleRequest, ShadowMethod, Texel, Triple,
 };
 use protocol::scene::Scene;
 use protocol::transfer::{EncodedScene, TransferError};
@@ -86,7 +86,7 @@ impl LinkConfig {
 }
 
 /// How samples and the visibility of lights are wanted; servers that have no choice do as they do.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ShadowWish {
     /// Samples are to be the same on every machine and in every run.
     pub steady: bool,
@@ -95,6 +95,16 @@ pub struct ShadowWish {
     pub error: f32,
     /// By index of the light; those past the end are chosen automatically.
     pub methods: Vec<ShadowMethod>,
+}
+
+impl Default for ShadowWish {
+    fn default() -> Self {
+        Self {
+            steady: false,
+            error: SHADOW_ERROR,
+            methods: Vec::new(),
+        }
+    }
 }
 
 /// The link cannot be made, or was asked for something that it cannot do.

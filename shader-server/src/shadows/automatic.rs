@@ -84,6 +84,8 @@ pub(super) struct Terms<'a> {
     pub(super) stage: &'a Stage,
     pub(super) rays: ShadowRays,
     pub(super) error: f64,
+    /// Memory that preparations may fill, bytes.
+    pub(super) most_bytes: usize,
     /// Costs are those of [`UNITS`] alone, the same on every machine.
     pub(super) steady: bool,
 }
@@ -126,9 +128,11 @@ impl Terms<'_> {
 
     /// The cheapest that is good enough, or the best if none is.
     fn best<'c>(&self, candidates: &'c [Candidate]) -> Option<&'c Candidate> {
-        let good = candidates.iter().filter(|c| c.error <= MARGIN * self.error);
+        let fits = |c: &&Candidate| c.way.bytes() <= self.most_bytes;
+        let candidates = || candidates.iter().filter(fits);
+        let good = candidates().filter(|c| c.error <= MARGIN * self.error);
         let cheapest = good.min_by(|a, b| a.cost.total_cmp(&b.cost));
-        let most_exact = || candidates.iter().min_by(|a, b| a.error.total_cmp(&b.error));
+        let most_exact = || candidates().min_by(|a, b| a.error.total_cmp(&b.error));
         cheapest.or_else(most_exact)
     }
 

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use penumbra::Sampling;
 use protocol::{
     limits::{MAX_NAME, MAX_SHADOWS},
-    messages::{LightMove, LightShadows, ObjectMove, ShadowMethod, ToDisplay},
+    messages::{LightMove, LightShadows, ObjectMove, SHADOW_ERROR, ShadowMethod, ToDisplay},
 };
 
 use rays::Bounds;
@@ -34,11 +34,16 @@ impl Default for Wish {
     fn default() -> Self {
         Self {
             steady: false,
-            error: 0.01,
+            error: SHADOW_ERROR,
             methods: Vec::new(),
         }
     }
 }
+
+/// Lights for which methods are tried, and memory that their preparations may fill together, bytes. Both bound what a scene of
+/// very many lights costs before its first sample.
+const MOST_TRIED: usize = 32;
+const MOST_BYTES: usize = 512 << 20;
 
 /// What a server is told about visibility by who starts it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -177,10 +182,15 @@ impl Chosen {
         if matches!(stage.emitters()[light].shape, Shape::Point(_)) {
             return self.rays("a ray tells all of a point");
         }
+        if light >= MOST_TRIED {
+            return self.rays("lights are too many to try each");
+        }
+        let filled: usize = self.lights.iter().map(|choice| choice.way.bytes()).sum();
         let terms = Terms {
             stage,
             rays: self.options.rays,
             error: f64::from(self.wish.error),
+            most_bytes: MOST_BYTES.saturating_sub(filled),
             steady: self.options.steady || self.wish.steady,
         };
         terms.choose(light, &mut self.blockers)
@@ -264,6 +274,15 @@ impl Way {
             Self::Rays(_) => ShadowMethod::Rays,
             Self::Casting(_) => ShadowMethod::Penumbra,
             Self::Maps(_) => ShadowMethod::SoftMap,
+        }
+    }
+
+    /// Memory of what is prepared.
+    pub(super) fn bytes(&self) -> usize {
+        match self {
+            Self::Rays(_) => 0,
+            Self::Casting(casting) => casting.bytes(),
+            Self::Maps(maps) => maps.stats().bytes,
         }
     }
 

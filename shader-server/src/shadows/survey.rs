@@ -131,6 +131,7 @@ impl Survey {
                 stage,
                 rays: ShadowRays::default(),
                 error: *allowed,
+                most_bytes: usize::MAX,
                 steady: false,
             };
             let choice = terms.choose(light, &mut blockers);
