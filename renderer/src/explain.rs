@@ -150,7 +150,7 @@ impl Explanation {
                               what is glossy is asked for again when seen from elsewhere"
             }
             Model::Global => {
-                "direct and indirect light, 4 reflections, from irradiance records of 360 rays each; \
+                "direct and indirect light, 4 reflections, from irradiance records of 360 to 1440 rays each; \
                               the servers compute them once where they are first missed, and samples made without them are asked for again"
             }
         };
