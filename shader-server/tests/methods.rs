@@ -177,3 +177,21 @@ fn what_is_chosen_is_steady_and_good_enough() {
         assert!(rms < 1.5 * error, "{rms} for {error}");
     }
 }
+
+/// Lights past the first few are not tried: a scene may have tens of thousands.
+#[test]
+fn very_many_lights_are_not_all_tried() {
+    let lights: Vec<Light> = (0..40).map(|i| area(0.02 * i as f32)).collect();
+    let few = ball_under(&[area(0.), line(0.)], vec3(0., 1., 0.));
+    let stage = stage(Scene { lights, ..few });
+    let chosen = Chosen::new(&stage, ShadowOptions::default(), Wish::default());
+    let told = chosen.told().next();
+    let Some(protocol::ToDisplay::Shadows { lights }) = told else {
+        panic!("{told:?}");
+    };
+    let untried = lights.iter().filter(|light| light.why.contains("too many"));
+    assert_eq!(
+        untried.map(|light| light.light).collect::<Vec<_>>(),
+        (32..40).collect::<Vec<_>>()
+    );
+}
