@@ -16,6 +16,7 @@ use tokio_util::codec::{Decoder, Encoder, FramedRead, FramedWrite, LengthDelimit
 use crate::codec::{DecodeError, EncodeError, decode, encode_into};
 use crate::limits::MAX_FRAME;
 use crate::messages::{FaultCode, ToDisplay, ToServer};
+use crate::secret::MAGIC;
 use crate::validate::{ValueError, validate_to_display, validate_to_server};
 
 /// Bytes of a frame before its payload.
@@ -30,6 +31,9 @@ pub enum FrameError {
     /// The stream ended inside a frame.
     #[error("the connection ended inside a frame")]
     Truncated,
+    /// The peer wants a secret to be proved first (see [`crate::secret`]).
+    #[error("the peer asks for a secret; give --secret-file")]
+    SecretWanted,
     /// A frame claims a length above [`MAX_FRAME`], or a message to be sent has one.
     #[error("a frame is longer than {MAX_FRAME} bytes")]
     TooLong,
@@ -48,7 +52,7 @@ impl FrameError {
     /// What to tell the peer, if it is at fault.
     pub fn fault(&self) -> Option<FaultCode> {
         match self {
-            Self::Io(_) | Self::Truncated | Self::Encode(_) => None,
+            Self::Io(_) | Self::Truncated | Self::SecretWanted | Self::Encode(_) => None,
             Self::TooLong => Some(FaultCode::Limit),
             Self::Decode(_) => Some(FaultCode::Malformed),
             Self::Value(error) => Some(error.fault()),
@@ -108,6 +112,9 @@ impl Decoder for FrameCodec {
 
     fn decode(&mut self, source: &mut BytesMut) -> Result<Option<BytesMut>, FrameError> {
         let header_there = self.inside || source.len() >= HEADER;
+        if !self.inside && source.starts_with(&MAGIC[..HEADER]) {
+            return Err(FrameError::SecretWanted);
+        }
         let frame = self.inner.decode(source).map_err(too_long)?;
         self.inside = frame.is_none() && header_there;
         Ok(frame)

@@ -3,7 +3,7 @@
 //! [`ToServer`] and [`ToDisplay`] are the messages, [`scene::Scene`] is what the display sends before it asks for
 //! anything. [`codec::encode`] and [`codec::decode`] turn either into bytes and back, [`framing`] puts those on a byte
 //! stream, [`validate`] checks what came, [`transfer`] cuts scenes up and puts them together, and [`session`] says what
-//! may be said when. [`limits`] holds every bound. `PROTOCOL.md` beside this crate gives every message to the byte.
+//! may be said when. [`secret`] says who may come in at all. [`limits`] holds every bound. `PROTOCOL.md` beside this crate gives every message to the byte.
 
 pub mod codec;
 pub mod framing;
@@ -11,6 +11,7 @@ pub mod handshake;
 pub mod limits;
 pub mod messages;
 pub mod scene;
+pub mod secret;
 pub mod session;
 pub mod transfer;
 pub mod validate;

@@ -61,6 +61,10 @@ pub const MAX_OBJECTS: usize = 1 << 20;
 
 /// Heartbeat: a `Ping` that is not answered for this long means that the peer is gone, seconds.
 pub const PING_TIMEOUT_S: u64 = 10;
+/// Both sides have so long to prove that they know the secret, and a display to send its first message, seconds.
+pub const AUTH_TIMEOUT_S: u64 = 5;
+/// Length of a secret: least and most, bytes.
+pub const SECRET_BYTES: [usize; 2] = [16, 4096];
 
 // The largest messages fit a frame.
 const _: () = assert!(16 + 40 * MAX_BATCH as usize <= MAX_FRAME);
