@@ -158,10 +158,23 @@ impl<R: AsyncRead + Unpin, M: Message> Receiver<R, M> {
     /// # Errors
     /// Every [`FrameError`] but [`FrameError::Encode`]; the connection cannot be used after one.
     pub async fn receive(&mut self) -> Result<Option<M>, FrameError> {
+        self.receive_seen(|_| {}).await
+    }
+
+    /// As [`Self::receive`]; the payload is shown to `seen` first, whatever it holds.
+    ///
+    /// # Errors
+    /// As [`Self::receive`].
+    pub async fn receive_seen(
+        &mut self,
+        seen: impl FnOnce(&Bytes),
+    ) -> Result<Option<M>, FrameError> {
         let Some(frame) = self.frames.next().await else {
             return Ok(None);
         };
-        let message: M = decode(&frame?)?;
+        let payload = frame?.freeze();
+        seen(&payload);
+        let message: M = decode(&payload)?;
         message.validate()?;
         Ok(Some(message))
     }
@@ -204,9 +217,25 @@ impl<W: AsyncWrite + Unpin, M: Message> Sender<W, M> {
     /// # Errors
     /// As [`Self::send`].
     pub async fn feed(&mut self, message: &M) -> Result<(), FrameError> {
+        self.feed_seen(message, |_| {}).await
+    }
+
+    /// As [`Self::feed`]; the payload is shown to `seen` first.
+    ///
+    /// # Errors
+    /// As [`Self::send`].
+    pub async fn feed_seen(
+        &mut self,
+        message: &M,
+        seen: impl FnOnce(&Bytes),
+    ) -> Result<(), FrameError> {
         let mut payload = Vec::new();
         encode_into(message, &mut payload)?;
-        self.frames.feed(Bytes::from(payload)).await
+        let payload = Bytes::from(payload);
+        if payload.len() <= MAX_FRAME {
+            seen(&payload);
+        }
+        self.frames.feed(payload).await
     }
 
     /// Sends all that was fed.

@@ -13,6 +13,7 @@ pub mod messages;
 pub mod scene;
 pub mod secret;
 pub mod session;
+pub mod trace;
 pub mod transfer;
 pub mod validate;
 

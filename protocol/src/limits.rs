@@ -66,6 +66,11 @@ pub const AUTH_TIMEOUT_S: u64 = 5;
 /// Length of a secret: least and most, bytes.
 pub const SECRET_BYTES: [usize; 2] = [16, 4096];
 
+/// Longest payload of an entry in a trace, bytes.
+pub const MAX_TRACE_ENTRY: usize = 64 << 20;
+/// Longest header of a trace, bytes.
+pub const MAX_TRACE_HEADER: usize = 1 << 20;
+
 // The largest messages fit a frame.
 const _: () = assert!(16 + 40 * MAX_BATCH as usize <= MAX_FRAME);
 const _: () = assert!(16 + 12 * MAX_TRIPLES <= MAX_FRAME);

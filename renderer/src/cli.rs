@@ -7,6 +7,7 @@ use protocol::messages::{SHADOW_ERROR, ShadowMethod};
 
 use crate::config::Choices;
 use crate::show::Show;
+use crate::traces::Recorder;
 
 /// Shown where no scene is named.
 pub const DEFAULT_SCENE: &str = "chains";
@@ -64,6 +65,9 @@ pub struct ServerArgs {
     /// Servers are asked for samples that depend on no machine and no time: none comes before its indirect light is computed.
     #[arg(skip)]
     pub steady: bool,
+    /// Takes the session down.
+    #[arg(skip)]
+    pub recorder: Option<Recorder>,
 }
 
 /// How the visibility of lights is found.

@@ -1,10 +1,10 @@
 //! Every choice of the display, each a switch of `render`.
 
 use clap::{Args, ValueEnum};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// How the colours of pixels come about.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
     /// Sparse samples, edges, the complex filter: everything.
@@ -21,7 +21,7 @@ pub enum Method {
 }
 
 /// How the primary region's colour is interpolated.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Interpolation {
     /// The paper's fixed weights a pixel offset.
@@ -32,7 +32,7 @@ pub enum Interpolation {
 }
 
 /// What priorities are made of.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Priority {
     /// The paper's: missing interpolation weight.
@@ -43,7 +43,7 @@ pub enum Priority {
 }
 
 /// How hidden edges are told from visible ones.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Culling {
     /// Not at all.
@@ -56,7 +56,7 @@ pub enum Culling {
 }
 
 /// Which shadow edges keep samples apart.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum ShadowEdges {
     /// None.
@@ -69,7 +69,7 @@ pub enum ShadowEdges {
 }
 
 /// How points seen through a nearer surface are told from visible ones.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum PointCulling {
     /// Not at all.
@@ -82,7 +82,7 @@ pub enum PointCulling {
 }
 
 /// Bits that a sample's place in its pixel is known to.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
 pub enum PlaceBits {
     /// 4x4 cells, the paper's.
     #[value(name = "4")]
@@ -100,7 +100,7 @@ pub enum PlaceBits {
 }
 
 /// A switch.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Switch {
     /// As it is meant to be used.
@@ -124,7 +124,8 @@ const NARROW: f32 = 0.5;
 const STEPS: f32 = 1.0;
 
 /// The choices.
-#[derive(Args, Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Args, Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Choices {
     /// How the colours of pixels come about
     #[arg(long, value_enum, default_value_t)]

@@ -22,4 +22,5 @@ pub mod shadows;
 pub mod show;
 pub mod stats;
 pub mod tone;
+pub mod traces;
 pub mod window;

@@ -5,14 +5,17 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
+use protocol::limits::MAX_TRIPLES;
 use protocol::messages::{Camera, LightShadows, SampleRequest, ShadowMethod, Triple};
 use protocol::scene::Scene;
+use protocol::trace::{Run, Step};
 
 use crate::cli::ServerArgs;
 use crate::frame::{Edit, Received};
 use crate::link::{
     Link, LinkConfig, LinkError, LinkStatus, ReceivedSample, ServerSource, ShadowWish, WaitOutcome,
 };
+use crate::traces::{Recorder, runs_of};
 
 /// Longest that a lockstep frame waits for its samples.
 const PATIENCE: Duration = Duration::from_secs(600);
@@ -48,6 +51,9 @@ pub struct Servers {
     triples: std::collections::BTreeSet<Triple>,
     news: Vec<Triple>,
     warned: bool,
+    recorder: Option<Recorder>,
+    /// The samples given last, for the recorder.
+    given: Vec<Run>,
 }
 
 impl Servers {
@@ -67,6 +73,7 @@ impl Servers {
         let mut config = LinkConfig::new(sources(args)?, seed);
         config.capacity = config.capacity.max(2 * pixels);
         config.waker = waker;
+        config.recorder.clone_from(&args.recorder);
         config.shadows = ShadowWish {
             steady: args.steady,
             error: args.shadow_error,
@@ -83,6 +90,8 @@ impl Servers {
             triples: std::collections::BTreeSet::new(),
             news: Vec::new(),
             warned: false,
+            recorder: args.recorder.clone(),
+            given: Vec::new(),
         })
     }
 
@@ -161,6 +170,10 @@ impl Servers {
     }
 
     fn hand_over(&mut self, received: &mut Vec<Received>) {
+        if self.recorder.is_some() {
+            self.given.clear();
+            runs_of(&self.samples, &mut self.given);
+        }
         let samples = self.samples.drain(..);
         received.extend(samples.map(|r| Received {
             view: r.view,
@@ -184,7 +197,30 @@ impl Servers {
     pub fn new_triples(&mut self) -> Vec<Triple> {
         let mut news = std::mem::take(&mut self.news);
         news.sort_unstable();
+        for triples in news.chunks(MAX_TRIPLES) {
+            let triples = || triples.to_vec();
+            self.note(|| Step::Learned { triples: triples() });
+        }
         news
+    }
+
+    /// Takes down what the display does, if the session is recorded.
+    pub fn note(&self, step: impl FnOnce() -> Step) {
+        if let Some(recorder) = &self.recorder {
+            recorder.step(step());
+        }
+    }
+
+    /// Takes down that the display takes in the samples given last, for the next picture of this view.
+    pub fn note_taken(&self, view: u32) {
+        if let Some(recorder) = &self.recorder {
+            recorder.took(view, &self.given);
+        }
+    }
+
+    /// Whether the session is recorded.
+    pub fn recorded(&self) -> bool {
+        self.recorder.is_some()
     }
 
     /// Light-blocker-receiver triples that servers have met.

@@ -135,6 +135,13 @@ impl EdgeStage {
         }
     }
 
+    /// As [`Self::update_shadows`] was in another run, that took these answers.
+    pub fn update_shadows_as(&mut self, taken: &[(u64, bool)]) {
+        if let Some(shadows) = &mut self.shadows {
+            shadows.update_as(taken);
+        }
+    }
+
     /// Moves what an edit changed; `placed` is the scene after it.
     pub(super) fn edit(&mut self, placed: &Placed, changes: &Changes) {
         for (object, _, after) in &changes.objects {

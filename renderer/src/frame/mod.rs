@@ -12,6 +12,7 @@ mod renew;
 use fearless_simd::Level;
 use protocol::messages::Triple;
 use protocol::scene::Scene;
+use protocol::trace::Shadowed;
 use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder};
 
 use crate::camera::View;
@@ -174,6 +175,24 @@ impl Display {
     /// waits for all of them, so that what is drawn next does not depend on how fast that goes.
     pub fn update_shadows(&mut self, wait: bool) {
         self.edges.update_shadows(wait);
+    }
+
+    /// As [`Display::update_shadows`] was in another run: either it waited for all, or it took these
+    /// [answers](crate::shadows::store::Shadows::taken).
+    pub fn update_shadows_as(&mut self, shadowed: &Shadowed) {
+        match shadowed {
+            Shadowed::All => self.edges.update_shadows(true),
+            Shadowed::Answers(taken) => self.edges.update_shadows_as(taken),
+        }
+    }
+
+    /// What the last [`Display::update_shadows`] took in, for a run that is to be the same.
+    pub fn shadowed(&self, waited: bool) -> Shadowed {
+        if waited {
+            return Shadowed::All;
+        }
+        let taken = self.edges.shadows().map(|shadows| shadows.taken().to_vec());
+        Shadowed::Answers(taken.unwrap_or_default())
     }
 
     /// What became of the shadow edges of the last frame.

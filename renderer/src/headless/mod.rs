@@ -8,6 +8,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use protocol::scene::Scene;
+use protocol::trace::Step;
 use scenes::{CameraPath, CameraSpec, Motion};
 
 use crate::camera::View;
@@ -18,6 +19,7 @@ use crate::frame::{Display, Wanted};
 use crate::servers::{Servers, ServersError};
 use crate::show::{Stages, show};
 use crate::tone::ToneMap;
+use crate::traces::{picture_digest, planned, shaped};
 pub use flight::Flight;
 use output::Output;
 pub use output::{OutputError, write_exr, write_png};
@@ -138,16 +140,23 @@ fn sparse(
         .samples_per_frame
         .unwrap_or((pixels * DEFAULT_SHARE).round() as usize);
     let mut display = Display::new(scene, args.choices, width, height, args.seed);
+    servers.note(|| shaped(&args.choices, args.size, false));
     display.use_threads(usize::from(args.threads))?;
     let tone = ToneMap::new();
     let (mut wanted, mut received, mut shown) = (Wanted::default(), Vec::new(), Vec::new());
     if let Some(edit) = flight.edit(0) {
         display.edit(servers.edit(&edit)?, &edit);
     }
-    let mut view = View::new(&flight.camera(0));
+    let mut camera = flight.camera(0);
+    let mut view = View::new(&camera);
     let mut number = servers.set_view(&view.camera())?;
     display.begin(&view, number);
+    servers.note(|| Step::Begun {
+        view: number,
+        camera,
+    });
     display.plan_first(budget, &mut wanted);
+    servers.note(|| planned(budget, true, None));
     servers.request(number, &wanted.here)?;
     for frame in 0..args.frames {
         let waited = Instant::now();
@@ -159,21 +168,34 @@ fn sparse(
             servers.drain(&mut received);
         }
         display.learn(&servers.new_triples());
-        display.update_shadows(args.lockstep || frame == 0);
+        let waits = args.lockstep || frame == 0;
+        display.update_shadows(waits);
+        servers.note(|| Step::Shadowed(display.shadowed(waits)));
         let wait_ms = waited.elapsed().as_secs_f64() * 1e3;
         display.receive(&received, number);
+        servers.note_taken(number);
         display.draw(&view, number);
+        servers.note(|| Step::Drawn {
+            view: number,
+            camera,
+        });
         display.time_present(|d| show(args.show, &Stages::of(d), &tone, &mut shown));
-        let next = View::new(&flight.camera(frame + 1));
+        servers.note(|| Step::Pictured {
+            digest: picture_digest(display.grid(), display.image()),
+        });
+        let next_camera = flight.camera(frame + 1);
+        let next = View::new(&next_camera);
         if frame + 1 < args.frames {
             // What moves until the next frame has moved when its samples are shaded.
             if let Some(edit) = flight.edit(frame + 1) {
                 display.edit(servers.edit(&edit)?, &edit);
             }
             display.plan(budget, Some(&next), &mut wanted);
+            servers.note(|| planned(budget, false, Some(next_camera)));
             servers.request(number, &wanted.here)?;
             if next != view {
-                (view, number) = (next, servers.set_view(&next.camera())?);
+                (view, camera) = (next, next_camera);
+                number = servers.set_view(&next.camera())?;
                 servers.request(number, &wanted.ahead)?;
             }
         }

@@ -18,6 +18,7 @@ use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
 use super::face::ReceivedSample;
 use super::server::{ServerError, Shared};
 use super::status::ServerPhase;
+use crate::traces::Tap;
 
 /// How long the last message may take.
 const FAREWELL: Duration = Duration::from_millis(500);
@@ -49,6 +50,7 @@ struct Account {
 struct Connection<'a> {
     server: usize,
     shared: &'a Shared,
+    tap: Tap,
     account: Mutex<Account>,
 }
 
@@ -83,6 +85,7 @@ pub(super) async fn run(
     let connection = Connection {
         server,
         shared,
+        tap: Tap::open(shared.recorder.as_ref(), server),
         account: Mutex::new(account),
     };
     let end = tokio::select! {
@@ -92,6 +95,11 @@ pub(super) async fn run(
     };
     connection.release();
     connection.farewell(sender, &mut receiver, &end).await;
+    connection.tap.closed(&match &end {
+        Ok(End::Closing) => "the display is done".into(),
+        Ok(End::Restart) => "the server takes no edits: it is sent the scene anew".into(),
+        Err(error) => error.to_string(),
+    });
     end
 }
 
@@ -115,7 +123,8 @@ impl Connection<'_> {
         receiver: &mut Receiver<OwnedReadHalf, ToDisplay>,
     ) -> Result<End, ServerError> {
         loop {
-            let message = receiver.receive().await?.ok_or(ServerError::Closed)?;
+            let received = receiver.receive_seen(|payload| self.tap.received(payload));
+            let message = received.await?.ok_or(ServerError::Closed)?;
             let event = self
                 .account()
                 .session
@@ -207,6 +216,7 @@ impl Connection<'_> {
         let samples = samples.map(|(sample, texel)| ReceivedSample {
             view,
             epoch,
+            connection: self.tap.connection(),
             sample,
             texel,
         });
@@ -261,7 +271,18 @@ impl Connection<'_> {
         sender: &mut Sender<OwnedWriteHalf, ToServer>,
         message: &ToServer,
     ) -> Result<(), ServerError> {
-        in_time(self.shared.timeout, sender.feed(message)).await
+        let sending = sender.feed_seen(message, |payload| self.tap.sent(payload));
+        in_time(self.shared.timeout, sending).await
+    }
+
+    async fn send(
+        &self,
+        sender: &mut Sender<OwnedWriteHalf, ToServer>,
+        message: &ToServer,
+    ) -> Result<(), FrameError> {
+        let sending = sender.feed_seen(message, |payload| self.tap.sent(payload));
+        sending.await?;
+        sender.flush().await
     }
 
     /// What the server should be told next, and notes it as sent.
@@ -412,7 +433,7 @@ impl Connection<'_> {
         let fault = match end {
             Ok(_) => {
                 // Whether it arrives makes no difference to the display.
-                let _ = in_time(FAREWELL, sender.send(&ToServer::Goodbye)).await;
+                let _ = in_time(FAREWELL, self.send(&mut sender, &ToServer::Goodbye)).await;
                 return;
             }
             Err(ServerError::Violation(violation)) => violation.to_server(),
@@ -423,7 +444,7 @@ impl Connection<'_> {
             Err(_) => return,
         };
         let told = async {
-            if sender.send(&fault).await.is_ok() && sender.close().await.is_ok() {
+            if self.send(&mut sender, &fault).await.is_ok() && sender.close().await.is_ok() {
                 drop(sender);
                 receiver.discard().await;
             }

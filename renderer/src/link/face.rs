@@ -13,6 +13,7 @@ use protocol::messages::{
     Camera, LightMove, ObjectMove, SHADOW_ERROR, Sample, SampleRequest, ShadowMethod, Texel, Triple,
 };
 use protocol::scene::Scene;
+use protocol::trace::Step;
 use protocol::transfer::{EncodedScene, TransferError};
 use protocol::validate::{ValueError, validate_camera};
 use tokio::sync::{Notify, watch};
@@ -20,6 +21,7 @@ use tokio::sync::{Notify, watch};
 use super::server::{Shared, supervise};
 use super::state::State;
 use super::status::{LinkStatus, ServerStatus};
+use crate::traces::Recorder;
 
 /// A sample that came, and what it belongs to.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -28,6 +30,8 @@ pub struct ReceivedSample {
     pub view: u32,
     /// The epoch in which it was traced, by the link's count.
     pub epoch: u32,
+    /// The connection that it came on, as traces count them; 0 where nothing is recorded.
+    pub connection: u32,
     /// The sample; its id is that of the request.
     pub sample: Sample,
     /// What a diffuse map did to it, if the server said so.
@@ -67,6 +71,8 @@ pub struct LinkConfig {
     pub shadows: ShadowWish,
     /// Called from the link's thread when samples came and none were waiting to be drained.
     pub waker: Option<Box<dyn Fn() + Send + Sync>>,
+    /// Told of every frame and edit.
+    pub recorder: Option<Recorder>,
 }
 
 impl LinkConfig {
@@ -81,6 +87,7 @@ impl LinkConfig {
             timeout: Duration::from_secs(protocol::limits::PING_TIMEOUT_S),
             shadows: ShadowWish::default(),
             waker: None,
+            recorder: None,
         }
     }
 }
@@ -175,6 +182,9 @@ impl Link {
             }
         }
         let encoded = Arc::new(EncodedScene::new(&scene)?);
+        if let Some(recorder) = &config.recorder {
+            recorder.begin(config.seed, &encoded);
+        }
         let (closing, told) = watch::channel(false);
         let shared = Arc::new(Shared {
             state: Mutex::new(State::new(&scene, config.servers.len(), config.capacity)),
@@ -192,6 +202,7 @@ impl Link {
             },
             seed: config.seed,
             timeout: config.timeout,
+            recorder: config.recorder,
         });
         let runtime = tokio::runtime::Builder::new_current_thread()
             .enable_all()
@@ -269,14 +280,26 @@ impl Link {
         let mut state = self.shared.lock();
         let epoch = state.edits.add(objects, lights)?;
         state.forget_answers();
+        if let Some(recorder) = &self.shared.recorder {
+            // Before any connection can tell a server of it.
+            recorder.step(Step::Edited {
+                epoch,
+                objects: objects.to_vec(),
+                lights: lights.to_vec(),
+            });
+        }
         drop(state);
         self.shared.wake_servers();
         Ok(epoch)
     }
 
-    /// Moves what came since the last time to the ends of these.
+    /// Moves what came since the last time to the ends of these: samples by id, triples in their order, so that it makes no
+    /// difference which server answered first.
     pub fn drain(&mut self, samples: &mut Vec<ReceivedSample>, triples: &mut Vec<Triple>) {
+        let (first_sample, first_triple) = (samples.len(), triples.len());
         self.shared.lock().drain(samples, triples);
+        samples[first_sample..].sort_unstable_by_key(|received| received.sample.id);
+        triples[first_triple..].sort_unstable();
     }
 
     /// Waits until every request is answered, then moves all that came to the ends of these: samples by id, triples in

@@ -19,4 +19,9 @@ pub use face::{
     Link, LinkConfig, LinkError, ReceivedSample, ServerSource, ShadowWish, WaitOutcome,
 };
 pub use server::ServerError;
+#[cfg(test)]
+pub(crate) fn testing_scene() -> protocol::scene::Scene {
+    testing::scene(2)
+}
+
 pub use status::{LinkStatus, ServerPhase, ServerStatus};

@@ -20,6 +20,7 @@ use super::face::ServerSource;
 use super::process::Process;
 use super::state::State;
 use super::status::ServerPhase;
+use crate::traces::Recorder;
 
 /// First pause before a server is tried again; it doubles with each failure.
 const FIRST_PAUSE: Duration = Duration::from_millis(50);
@@ -95,6 +96,7 @@ pub(super) struct Shared {
     pub(super) shadows: ToServer,
     pub(super) seed: u64,
     pub(super) timeout: Duration,
+    pub(super) recorder: Option<Recorder>,
 }
 
 impl Shared {

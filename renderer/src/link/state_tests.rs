@@ -20,6 +20,7 @@ fn take(state: &mut State, server: usize, most: usize) -> Vec<u64> {
 
 fn deliver(state: &mut State, server: usize, ids: &[u64], current: bool) -> bool {
     let received = |&id: &u64| ReceivedSample {
+        connection: 0,
         view: 1,
         epoch: 0,
         sample: answer(0, id),

@@ -1,6 +1,7 @@
 //! Where shadows begin and end: events between lights and blockers, and the edges they draw on receivers
 //! (paper sections 6.3 to 6.5 and Appendix A).
 
+mod answers;
 pub mod cast;
 mod clip;
 pub mod events;

@@ -17,6 +17,7 @@ use protocol::messages::Triple;
 use protocol::scene::{Affine, Light, Scene};
 use serde::Serialize;
 
+use super::answers::Answers;
 use super::geometry::ShadowScene;
 use super::light::ShadowLight;
 use super::worker::{Answer, Cast, Job, Lines, PairJob, Worker};
@@ -77,6 +78,9 @@ pub struct Shadows {
     /// Objects that moved since creases were last asked for.
     moved: Vec<u32>,
     worker: Option<Worker>,
+    /// Jobs given out since the start; each has the number that this was then.
+    given: u64,
+    answers: Answers,
     /// Jobs that have not been answered.
     under_way: usize,
     last_version: u64,
@@ -99,6 +103,8 @@ impl Shadows {
             meets_version: 0,
             moved: Vec::new(),
             worker: worker.ok(),
+            given: 0,
+            answers: Answers::default(),
             under_way: 0,
             last_version: 0,
             generation: 1,
@@ -193,20 +199,25 @@ impl Shadows {
     /// Gives out what has to be computed and takes in what has been: all of it, waiting for what is under way, if
     /// `wait` is set, so that the outcome does not depend on how fast the thread is.
     pub fn update(&mut self, wait: bool) {
+        self.answers.taken.clear();
         if !self.moved.is_empty() {
             self.ask_meets();
+        }
+        if wait {
+            self.under_way -= self.answers.forget_ended();
         }
         loop {
             let idle = self.under_way == 0;
             let asked = self.ask_pairs();
             while self.under_way > 0 {
-                let Some(answer) = self.worker.as_ref().and_then(|w| w.answer(wait)) else {
+                let Some((job, answer)) = self.answers.next(self.worker.as_ref(), wait) else {
                     if wait {
                         // The thread is gone: nothing will come.
                         self.under_way = 0;
                     }
                     break;
                 };
+                self.answers.taken.push((job, answer.is_last()));
                 if answer.is_last() {
                     self.under_way -= 1;
                 }
@@ -215,6 +226,41 @@ impl Shadows {
             // What others may hide comes after what is more urgent: waiting means waiting for both.
             if !wait || (idle && !asked) {
                 break;
+            }
+        }
+    }
+
+    /// Answers that the last [`Shadows::update`] took: the number of each one's job, counted from 1 on, and whether it was the
+    /// job's last.
+    pub fn taken(&self) -> &[(u64, bool)] {
+        &self.answers.taken
+    }
+
+    /// As [`Shadows::update`] without waiting was in another run, that took these answers: waits for the same ones, so that
+    /// everything is as it was there.
+    pub fn update_as(&mut self, taken: &[(u64, bool)]) {
+        if !self.moved.is_empty() {
+            self.ask_meets();
+        }
+        self.ask_pairs();
+        for &(job, last) in taken {
+            while let Some(answer) = {
+                let worker = self.worker.as_ref();
+                self.answers.next_of(worker, self.given, job)
+            } {
+                let ends = answer.is_last();
+                if ends && !last {
+                    // The thread saw sooner than there that nobody wants the rest.
+                    self.answers.ended.push(job);
+                }
+                self.take(answer);
+                if ends || !last {
+                    break;
+                }
+            }
+            if last {
+                self.answers.ended.retain(|ended| *ended != job);
+                self.under_way = self.under_way.saturating_sub(1);
             }
         }
     }
@@ -255,7 +301,9 @@ impl Shadows {
     }
 
     fn ask(&mut self, job: Job) {
-        if self.worker.as_ref().is_some_and(|w| w.send(job)) {
+        let number = self.given + 1;
+        if self.worker.as_ref().is_some_and(|w| w.send(number, job)) {
+            self.given = number;
             self.under_way += 1;
         }
     }

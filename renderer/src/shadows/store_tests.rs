@@ -199,6 +199,49 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(config(24))]
+
+    /// A store that is told which answers another one took has the same edges after every step, whatever its own thread has
+    /// done by then.
+    #[test]
+    fn another_store_follows_to_the_bit(steps in prop::collection::vec(step(), 1..14)) {
+        let all = every_triple();
+        let mut stores = [store_of(&scene()), store_of(&scene())];
+        for step in steps {
+            for (k, shadows) in stores.iter_mut().enumerate() {
+                match &step {
+                    Step::Learn(which) => {
+                        let some: Vec<Triple> = which.iter().map(|k| all[*k]).collect();
+                        shadows.learn(&some);
+                    }
+                    Step::MoveObject(object, place) => shadows.move_object(*object, &at(*place)),
+                    Step::MoveLight(light, place) => {
+                        let value = if *light == 0 { point(*place) } else { area(*place) };
+                        shadows.change_light(*light, &value);
+                    }
+                    Step::Update(wait) if k == 0 => shadows.update(*wait),
+                    Step::Update(_) => {}
+                }
+            }
+            if let Step::Update(wait) = step {
+                let taken = stores[0].taken().to_vec();
+                match wait {
+                    true => stores[1].update(true),
+                    false => stores[1].update_as(&taken),
+                }
+            }
+            let [first, second] = &stores;
+            prop_assert_eq!(first.under_way(), second.under_way());
+            prop_assert_eq!(first.generation(), second.generation());
+            prop_assert_eq!(edges(first), edges(second));
+            prop_assert_eq!(creases(first), creases(second));
+        }
+        // Answers that there are none of are not waited for.
+        stores[1].update_as(&[(0, true), (1, false), (u64::MAX, true)]);
+    }
+}
+
 #[test]
 fn a_dropped_triple_concerns_its_pair_alone_and_is_made_good_when_it_comes_again() {
     let (all, scene) = (every_triple(), scene());

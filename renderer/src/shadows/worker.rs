@@ -151,8 +151,8 @@ impl Answer {
 
 /// A thread that does jobs.
 pub(super) struct Worker {
-    jobs: Option<Sender<Job>>,
-    answers: Receiver<Answer>,
+    jobs: Option<Sender<(u64, Job)>>,
+    answers: Receiver<(u64, Answer)>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -174,15 +174,15 @@ impl Worker {
         })
     }
 
-    /// Hands a job over; false if the thread is gone.
-    pub(super) fn send(&self, job: Job) -> bool {
+    /// Hands a job over, with a number of its own; false if the thread is gone.
+    pub(super) fn send(&self, number: u64, job: Job) -> bool {
         self.jobs
             .as_ref()
-            .is_some_and(|jobs| jobs.send(job).is_ok())
+            .is_some_and(|jobs| jobs.send((number, job)).is_ok())
     }
 
-    /// An answer, if one is ready, or after waiting for it.
-    pub(super) fn answer(&self, wait: bool) -> Option<Answer> {
+    /// An answer and its job's number, if one is ready, or after waiting for it.
+    pub(super) fn answer(&self, wait: bool) -> Option<(u64, Answer)> {
         if wait {
             self.answers.recv().ok()
         } else {
@@ -201,7 +201,7 @@ impl Drop for Worker {
 }
 
 /// Does jobs until no more can come, short ones before long ones have ended.
-fn work(todo: &Receiver<Job>, done: &Sender<Answer>) {
+fn work(todo: &Receiver<(u64, Job)>, done: &Sender<(u64, Answer)>) {
     let mut shop = Shop::default();
     let mut tasks = VecDeque::new();
     loop {
@@ -219,11 +219,12 @@ fn work(todo: &Receiver<Job>, done: &Sender<Answer>) {
         let Some(mut task) = tasks.pop_front() else {
             continue;
         };
+        let number = task.number;
         let answer = shop.go_on(&mut task);
         if !answer.is_last() {
             tasks.push_back(task);
         }
-        if done.send(answer).is_err() {
+        if done.send((number, answer)).is_err() {
             return;
         }
     }
@@ -231,6 +232,7 @@ fn work(todo: &Receiver<Job>, done: &Sender<Answer>) {
 
 /// A job and how far it has come.
 struct Task {
+    number: u64,
     job: Job,
     /// Of a pair that has been begun.
     events: Option<Events>,
@@ -245,9 +247,13 @@ struct Events {
     edges: usize,
 }
 
-impl From<Job> for Task {
-    fn from(job: Job) -> Self {
-        Self { job, events: None }
+impl From<(u64, Job)> for Task {
+    fn from((number, job): (u64, Job)) -> Self {
+        Self {
+            number,
+            job,
+            events: None,
+        }
     }
 }
 

@@ -5,6 +5,7 @@ use std::time::Instant;
 
 use protocol::messages::Camera;
 use protocol::scene::Scene;
+use protocol::trace::Step;
 
 use super::baseline::Baseline;
 use super::budget::Budget;
@@ -21,6 +22,7 @@ use crate::servers::{Servers, ServersError};
 use crate::show::{Show, Stages, show};
 use crate::stats::FrameStats;
 use crate::tone::ToneMap;
+use crate::traces::{planned, shaped};
 
 /// Views whose requests may still be under way, at most.
 const VIEWS_REMEMBERED: usize = 32;
@@ -74,6 +76,7 @@ impl Session {
             ..choices
         };
         let every_pixel = matches!(choices.method, Method::Full | Method::Reference);
+        servers.note(|| shaped(&all, (1, 1), false));
         Self {
             display: Display::new(scene, all, 1, 1, seed),
             servers,
@@ -136,6 +139,10 @@ impl Session {
         self.take_samples();
         if self.baseline.is_none() {
             self.display.draw(&view, self.number);
+            self.servers.note(|| Step::Drawn {
+                view: self.number,
+                camera: *camera,
+            });
         }
         self.paint(what);
         self.ask(frame_s, next)?;
@@ -156,6 +163,7 @@ impl Session {
         }
         let keep = self.rebuild.take() != Some(Keep::Nothing);
         self.display.rebuild(self.choices, size.0, size.1, keep);
+        self.servers.note(|| shaped(&self.choices, size, keep));
         // Samples of another view are none of this one's: no view has the number 0.
         let number = if self.view == Some(*view) {
             self.number
@@ -163,6 +171,7 @@ impl Session {
             0
         };
         self.display.begin(view, number);
+        self.note_begun(number, camera);
         self.size = size;
         if self.baseline.is_some() {
             self.baseline = Some(Baseline::new(self.display.grid()));
@@ -175,6 +184,7 @@ impl Session {
         self.number = self.servers.set_view(camera)?;
         if self.view.is_none() {
             self.display.begin(&view, self.number);
+            self.note_begun(self.number, camera);
         }
         self.view = Some(view);
         self.settled = false;
@@ -193,6 +203,13 @@ impl Session {
         Ok(())
     }
 
+    fn note_begun(&self, view: u32, camera: &Camera) {
+        self.servers.note(|| Step::Begun {
+            view,
+            camera: *camera,
+        });
+    }
+
     fn remember(&mut self, number: u32, view: View) {
         self.views.push_back((number, view));
     }
@@ -202,11 +219,14 @@ impl Session {
         self.servers.drain(&mut self.received);
         self.display.learn(&self.servers.new_triples());
         self.display.update_shadows(false);
+        self.servers
+            .note(|| Step::Shadowed(self.display.shadowed(false)));
         if self.frozen || self.received.is_empty() {
             return;
         }
         self.settled = false;
         self.display.receive(&self.received, self.number);
+        self.servers.note_taken(self.number);
         if let Some(baseline) = &mut self.baseline {
             baseline.take(&self.received);
         }
@@ -245,6 +265,7 @@ impl Session {
         let next_view = next.map(View::new);
         self.display
             .plan(budget, next_view.as_ref(), &mut self.wanted);
+        self.servers.note(|| planned(budget, false, next.copied()));
         self.settled = self.wanted.is_empty() && next.is_none();
         self.servers.request(self.number, &self.wanted.here)?;
         if let (Some(camera), Some(view)) = (next, next_view)
