@@ -152,6 +152,12 @@ impl<R: AsyncRead + Unpin, M: Message> Receiver<R, M> {
         }
     }
 
+    /// Takes no frame whose payload is longer than this, nor than [`MAX_FRAME`], from now on.
+    pub fn set_longest(&mut self, bytes: usize) {
+        let frames = self.frames.decoder_mut();
+        frames.inner.set_max_frame_length(bytes.min(MAX_FRAME));
+    }
+
     /// The next message, its values checked; nothing when the peer closed the connection between two frames. May be
     /// dropped before it is done: nothing is lost.
     ///

@@ -63,6 +63,10 @@ pub const MAX_OBJECTS: usize = 1 << 20;
 pub const PING_TIMEOUT_S: u64 = 10;
 /// Both sides have so long to prove that they know the secret, and a display to send its first message, seconds.
 pub const AUTH_TIMEOUT_S: u64 = 5;
+/// Connections that may wait to say who they are; a further one displaces the oldest.
+pub const MAX_GUESTS: usize = 64;
+/// Longest frame payload taken from a peer that has not said who it is, bytes: a `Hello` or a `Welcome` fits.
+pub const MAX_GREETING: usize = 64 << 10;
 /// Length of a secret: least and most, bytes.
 pub const SECRET_BYTES: [usize; 2] = [16, 4096];
 
@@ -77,6 +81,7 @@ const _: () = assert!(16 + 12 * MAX_TRIPLES <= MAX_FRAME);
 const _: () = assert!(24 + 52 * MAX_MOVES <= MAX_FRAME);
 const _: () = assert!(12 + (16 + MAX_NAME) * MAX_SHADOWS <= MAX_FRAME);
 const _: () = assert!(16 + 4 * MAX_LIGHTS <= MAX_FRAME);
+const _: () = assert!(64 + 2 * MAX_NAME + 32 * MAX_HOLDS <= MAX_GREETING);
 const _: () = assert!(12 + crate::scene::MAX_CHUNK <= MAX_FRAME);
 
 /// Brings radiance into what the protocol allows: not-a-number and negative channels become 0, larger ones than

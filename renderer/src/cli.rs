@@ -1,5 +1,6 @@
 //! What was typed: the command line of the display.
 
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -41,9 +42,15 @@ pub enum Command {
 /// Where samples come from.
 #[derive(Args, Clone, Debug)]
 pub struct ServerArgs {
-    /// Shader servers to use, HOST:PORT, instead of starting one
+    /// Shader servers to use, HOST:PORT, instead of starting one; a host name stands for all that it leads to
     #[arg(long, num_args = 1.., value_name = "ADDR", conflicts_with = "shader")]
     pub connect: Vec<String>,
+    /// Wait here for shader servers that dial in, IP:PORT, instead of starting one
+    #[arg(long, value_name = "ADDR", conflicts_with = "shader")]
+    pub accept: Option<SocketAddr>,
+    /// File with the secret that the display and its servers prove to each other; addresses beyond this machine need one
+    #[arg(long, value_name = "FILE", conflicts_with = "shader")]
+    pub secret_file: Option<PathBuf>,
     /// Program to start as shader server instead of the one built in
     #[arg(long, value_name = "PATH")]
     pub shader: Option<PathBuf>,

@@ -8,6 +8,7 @@ use std::time::Duration;
 use protocol::limits::MAX_TRIPLES;
 use protocol::messages::{Camera, LightShadows, SampleRequest, ShadowMethod, Triple};
 use protocol::scene::Scene;
+use protocol::secret::{Secret, SecretFileError};
 use protocol::trace::{Run, Step};
 
 use crate::cli::ServerArgs;
@@ -31,6 +32,9 @@ pub enum ServersError {
         "cannot start a shader server: the path of this program is not known ({0}); use --shader or --connect"
     )]
     OwnPath(std::io::Error),
+    /// The secret cannot be read.
+    #[error(transparent)]
+    Secret(#[from] SecretFileError),
     /// No server ever answered.
     #[error("no shader server can be reached: {0}")]
     Unreachable(String),
@@ -71,6 +75,7 @@ impl Servers {
         waker: Option<Box<dyn Fn() + Send + Sync>>,
     ) -> Result<Self, ServersError> {
         let mut config = LinkConfig::new(sources(args)?, seed);
+        config.secret = secret(args)?;
         config.capacity = config.capacity.max(2 * pixels);
         config.waker = waker;
         config.recorder.clone_from(&args.recorder);
@@ -83,6 +88,9 @@ impl Servers {
             },
         };
         let link = Link::start(config, Arc::clone(scene))?;
+        for address in link.listening() {
+            eprintln!("waiting for shader servers on {address}");
+        }
         Ok(Self {
             link,
             samples: Vec::new(),
@@ -241,14 +249,27 @@ impl Servers {
     }
 }
 
+/// The secret that the arguments name. One that others on this machine can read is taken, with a warning.
+fn secret(args: &ServerArgs) -> Result<Option<Secret>, ServersError> {
+    let Some(path) = &args.secret_file else {
+        return Ok(None);
+    };
+    let secret = Secret::read(path)?;
+    if secret.is_readable_by_others() {
+        tracing::warn!(
+            "every user of this machine can read {}; `chmod 600` it",
+            path.display()
+        );
+    }
+    Ok(Some(secret))
+}
+
 fn sources(args: &ServerArgs) -> Result<Vec<ServerSource>, ServersError> {
-    if !args.connect.is_empty() {
-        return Ok(args
-            .connect
-            .iter()
-            .cloned()
-            .map(ServerSource::Connect)
-            .collect());
+    let connect = args.connect.iter().cloned().map(ServerSource::Connect);
+    let accept = args.accept.map(ServerSource::Accept);
+    let found: Vec<ServerSource> = connect.chain(accept).collect();
+    if !found.is_empty() {
+        return Ok(found);
     }
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let threads = args
@@ -264,6 +285,11 @@ fn sources(args: &ServerArgs) -> Result<Vec<ServerSource>, ServersError> {
     // A foreign program is only told its threads if they were asked for: it need not know the option.
     if args.shader.is_none() || args.shader_threads.is_some() {
         own.extend(["--threads".into(), threads.to_string().into()]);
+    }
+    if args.shader.is_none()
+        && let Some(path) = &args.secret_file
+    {
+        own.extend(["--secret-file".into(), path.into()]);
     }
     if args.shader.is_none() && args.even_shadow_rays {
         let strata = EVEN_STRATA.to_string();

@@ -5,16 +5,18 @@ use std::{
     io::{self, Write},
     net::SocketAddr,
     num::NonZeroUsize,
+    path::PathBuf,
     process::ExitCode,
 };
 
 use anyhow::{Context, bail};
 use clap::{Parser, ValueEnum};
+use protocol::secret::Secret;
 use tokio::net::TcpListener;
 
 use crate::{
     irradiance::Patience,
-    server::{ServerConfig, run},
+    server::{Entrance, ServerConfig, run},
     shadows::{ShadowOptions, ShadowRays},
 };
 
@@ -25,9 +27,15 @@ const USAGE: u8 = 2;
 #[derive(Clone, Debug, Parser)]
 #[command(name = "shader-server", version)]
 struct Args {
-    /// Address to listen on: a loopback address and a port, 0 for any free port
+    /// Address to listen on: IP and port, 0 for any free port; beyond this machine only with --secret-file
     #[arg(long, value_name = "ADDR", default_value = "127.0.0.1:0")]
     listen: SocketAddr,
+    /// Displays to visit instead of listening, HOST:PORT, as often as they are there: `renderer --accept` is one
+    #[arg(long, value_name = "ADDR", num_args = 1.., conflicts_with = "listen")]
+    dial: Vec<String>,
+    /// File with the secret that this server and its displays prove to each other
+    #[arg(long, value_name = "FILE")]
+    secret_file: Option<PathBuf>,
     /// Threads that trace rays [default: one a processor]
     #[arg(long, value_name = "N")]
     threads: Option<NonZeroUsize>,
@@ -74,7 +82,7 @@ impl From<ShadowMethod> for protocol::messages::ShadowMethod {
 }
 
 /// Runs the server as the program `shader-server` does: `args` begin with the program's name. The first line on standard
-/// output is `listening on ADDR`. Returns when told to stop (interrupt, or standard input's end with
+/// output is `listening on ADDR`, or `dialling ADDR, ...`. Returns when told to stop (interrupt, or standard input's end with
 /// `--parent-stdin`); exit code 2 means that the command line or the address is to be mended.
 pub fn main_from_args(args: impl IntoIterator<Item = OsString>) -> ExitCode {
     let args = match Args::try_parse_from(args) {
@@ -103,9 +111,18 @@ pub fn main_from_args(args: impl IntoIterator<Item = OsString>) -> ExitCode {
 }
 
 fn serve(args: &Args) -> anyhow::Result<()> {
-    if !args.listen.ip().is_loopback() {
+    let secret = args.secret_file.as_deref().map(Secret::read).transpose()?;
+    if let (Some(secret), Some(path)) = (&secret, &args.secret_file)
+        && secret.is_readable_by_others()
+    {
+        tracing::warn!(
+            "every user of this machine can read {}; `chmod 600` it",
+            path.display()
+        );
+    }
+    if secret.is_none() && !args.listen.ip().is_loopback() {
         bail!(
-            "{} is not a loopback address, and nothing yet tells friend from foe; use 127.0.0.1 or [::1]",
+            "{} is not a loopback address, where anybody may come; give --secret-file on both sides",
             args.listen
         );
     }
@@ -128,6 +145,7 @@ fn serve(args: &Args) -> anyhow::Result<()> {
         } else {
             Patience::AtOnce
         },
+        secret,
         ..ServerConfig::default()
     };
     let runtime = tokio::runtime::Builder::new_multi_thread()
@@ -137,16 +155,25 @@ fn serve(args: &Args) -> anyhow::Result<()> {
         .build()
         .context("cannot start the threads that serve sockets")?;
     let parent_stdin = args.parent_stdin;
-    let listen = args.listen;
+    let (listen, dial) = (args.listen, args.dial.clone());
     let served = runtime.block_on(async move {
-        let listener = TcpListener::bind(listen)
-            .await
-            .with_context(|| format!("cannot listen on {listen}; is the port taken?"))?;
-        let address = listener
-            .local_addr()
-            .context("cannot tell the address listened on")?;
-        announce(address).context("cannot write the address to standard output")?;
-        run(config, listener, stop(parent_stdin)).await?;
+        let (entrance, place) = if dial.is_empty() {
+            let listener = TcpListener::bind(listen)
+                .await
+                .with_context(|| format!("cannot listen on {listen}; is the port taken?"))?;
+            let address = listener
+                .local_addr()
+                .context("cannot tell the address listened on")?;
+            (
+                Entrance::Listen(listener),
+                format!("listening on {address}"),
+            )
+        } else {
+            let place = format!("dialling {}", dial.join(", "));
+            (Entrance::Dial(dial), place)
+        };
+        announce(&place).context("cannot write to standard output where displays are")?;
+        run(config, entrance, stop(parent_stdin)).await?;
         Ok(())
     });
     // Reading standard input cannot be interrupted; nothing else is worth waiting for.
@@ -154,9 +181,9 @@ fn serve(args: &Args) -> anyhow::Result<()> {
     served
 }
 
-fn announce(address: SocketAddr) -> io::Result<()> {
+fn announce(place: &str) -> io::Result<()> {
     let mut out = io::stdout().lock();
-    writeln!(out, "listening on {address}")?;
+    writeln!(out, "{place}")?;
     out.flush()
 }
 
@@ -196,6 +223,11 @@ mod tests {
             foreign.contains("0.0.0.0:0 is not a loopback address"),
             "{foreign}"
         );
+        let far = std::env::temp_dir().join("edge-point-no-such-secret");
+        let far = far.to_string_lossy();
+        let missing = served(&["s", "--listen", "0.0.0.0:0", "--secret-file", &far]);
+        let missing = missing.unwrap_err().to_string();
+        assert!(missing.contains("cannot read the secret file"), "{missing}");
     }
 
     #[test]

@@ -18,6 +18,6 @@ pub mod stage;
 
 pub use cli::main_from_args;
 pub use mapped::Beam;
-pub use server::{ServerConfig, ServerError, run};
+pub use server::{Entrance, ServerConfig, ServerError, run};
 pub use shading::Shader;
 pub use stage::{Stage, StageError};

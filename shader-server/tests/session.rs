@@ -194,7 +194,7 @@ async fn cancelling_stops_work() {
     client.send(ToServer::Cancel { views_before: 2 }).await;
     let released = loop {
         match client.next().await.1 {
-            DisplayEvent::Status { released } if released > 0 => break released,
+            DisplayEvent::Status { released } if !released.is_empty() => break released.len(),
             _ => {}
         }
     };

@@ -10,5 +10,6 @@ pub mod picture;
 pub mod places;
 pub mod ray_speed;
 pub mod report;
+pub mod scaling;
 pub mod shadow_accuracy;
 pub mod shadow_speed;

@@ -49,10 +49,10 @@ pub enum DisplayEvent {
     Triples,
     /// The message's lights are the scene's.
     Shadows,
-    /// So many requests were dropped by the server, as asked.
+    /// These requests were dropped by the server, as asked.
     Status {
-        /// Requests whose credit came back.
-        released: usize,
+        /// Ids of the requests whose credit came back, in no order.
+        released: Vec<u64>,
     },
     /// The token's answer.
     Pong {
@@ -185,6 +185,11 @@ impl DisplaySession {
     /// Whether a ping has no answer yet.
     pub fn awaits_pong(&self) -> bool {
         !self.tokens.is_empty()
+    }
+
+    /// The requests that the server holds, in no order.
+    pub fn held(&self) -> impl Iterator<Item = &Outstanding> {
+        self.outstanding.values()
     }
 
     /// Takes out all requests that the server holds, in the order of their ids, to hand them to another server.
@@ -392,15 +397,18 @@ impl DisplaySession {
                 "Status cancels before view {cancelled_before}, unasked"
             )));
         }
-        let before = self.outstanding.len();
+        let mut released = Vec::new();
         if cancelled_before > self.cancelled {
             self.cancelled = cancelled_before;
-            self.outstanding
-                .retain(|_, held| held.view >= cancelled_before);
+            self.outstanding.retain(|&id, held| {
+                let kept = held.view >= cancelled_before;
+                if !kept {
+                    released.push(id);
+                }
+                kept
+            });
         }
-        Ok(DisplayEvent::Status {
-            released: before - self.outstanding.len(),
-        })
+        Ok(DisplayEvent::Status { released })
     }
 }
 

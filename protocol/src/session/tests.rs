@@ -208,7 +208,7 @@ fn cancelling_gives_credit_back_once() {
     assert!(!server.release(1));
     assert_eq!(
         display.receive(&status(2)).unwrap(),
-        DisplayEvent::Status { released: 1 }
+        DisplayEvent::Status { released: vec![1] }
     );
     assert_eq!(
         code(display.receive(&samples(1, &[1]))),

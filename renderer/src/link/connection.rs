@@ -6,16 +6,19 @@
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use protocol::framing::{FrameError, Receiver, Sender};
-use protocol::handshake::hello;
-use protocol::messages::{LightShadows, Sample, SampleRequest, Texel};
+use protocol::doorway::{Displaced, Guest};
+use protocol::framing::{Receiver, Sender};
+use protocol::limits::{AUTH_TIMEOUT_S, MAX_FRAME, MAX_GREETING};
+use protocol::messages::{LightShadows, Sample, Texel};
 use protocol::session::{DisplayEvent, DisplaySession, SceneSize, Violation};
-use protocol::transfer::EncodedScene;
 use protocol::{ToDisplay, ToServer};
 use tokio::net::TcpStream;
 use tokio::net::tcp::{OwnedReadHalf, OwnedWriteHalf};
+use tokio::sync::Notify;
 
 use super::face::ReceivedSample;
+use super::flow::Flow;
+use super::sending::in_time;
 use super::server::{ServerError, Shared};
 use super::status::ServerPhase;
 use crate::traces::Tap;
@@ -33,43 +36,56 @@ pub(super) enum End {
 }
 
 /// What was sent and agreed so far.
-struct Account {
-    session: DisplaySession,
-    welcomed: bool,
-    announced: bool,
+pub(super) struct Account {
+    pub(super) session: DisplaySession,
+    pub(super) welcomed: bool,
+    pub(super) announced: bool,
     /// The link's epoch that the server knows of.
-    known_epoch: u32,
+    pub(super) known_epoch: u32,
     /// The same in the session's own count.
-    session_epoch: u32,
-    view: u32,
-    cancel_before: u32,
-    pings: u64,
-    since: Instant,
+    pub(super) session_epoch: u32,
+    pub(super) view: u32,
+    pub(super) cancel_before: u32,
+    pub(super) pings: u64,
+    pub(super) since: Instant,
 }
 
-struct Connection<'a> {
-    server: usize,
-    shared: &'a Shared,
-    tap: Tap,
+pub(super) struct Connection<'a> {
+    pub(super) server: usize,
+    pub(super) shared: &'a Shared,
+    pub(super) wake: Arc<Notify>,
+    pub(super) tap: Tap,
     account: Mutex<Account>,
 }
 
-/// What to do next.
-enum Step {
-    Send(Vec<ToServer>),
-    Scene,
-    Restart,
-    Wait,
+/// A server that came by itself, until it has said who it is.
+pub(super) struct Stranger {
+    /// Its place in the doorway.
+    pub(super) guest: Guest,
+    /// Tells when it has to make room.
+    pub(super) displaced: Displaced,
 }
 
-/// Works with a server until one of the two is done.
+/// Works with a server, at a slot that is open, until one of the two is done.
 pub(super) async fn run(
     stream: TcpStream,
     server: usize,
     shared: &Shared,
+    stranger: Option<Stranger>,
 ) -> Result<End, ServerError> {
     let (read, write) = stream.into_split();
     let mut receiver = Receiver::new(read);
+    receiver.set_longest(MAX_GREETING);
+    let (guest, mut displaced) = match stranger {
+        Some(Stranger { guest, displaced }) => (Some(guest), Some(displaced)),
+        None => (None, None),
+    };
+    let wake = {
+        let mut state = shared.lock();
+        state.slots.connect(server);
+        let slot = state.slots.get(server);
+        slot.map_or_else(Arc::default, |slot| Arc::clone(&slot.wake))
+    };
     let mut sender = Sender::new(write);
     let account = Account {
         session: DisplaySession::new(SceneSize::from(&*shared.scene)),
@@ -85,12 +101,20 @@ pub(super) async fn run(
     let connection = Connection {
         server,
         shared,
+        wake,
         tap: Tap::open(shared.recorder.as_ref(), server),
         account: Mutex::new(account),
     };
+    let told = async {
+        match &mut displaced {
+            Some(displaced) => displaced.told().await,
+            None => std::future::pending().await,
+        }
+    };
     let end = tokio::select! {
-        end = connection.read(&mut receiver) => end,
+        end = connection.read(&mut receiver, guest) => end,
         end = connection.write(&mut sender) => end,
+        () = told => Err(ServerError::Crowded),
         () = shared.closed() => Ok(End::Closing),
     };
     connection.release();
@@ -114,23 +138,37 @@ fn tell(known: &mut Vec<LightShadows>, news: Vec<LightShadows>) {
 }
 
 impl Connection<'_> {
-    fn account(&self) -> MutexGuard<'_, Account> {
+    pub(super) fn account(&self) -> MutexGuard<'_, Account> {
         self.account.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
     async fn read(
         &self,
         receiver: &mut Receiver<OwnedReadHalf, ToDisplay>,
+        mut guest: Option<Guest>,
     ) -> Result<End, ServerError> {
+        let patience = match guest {
+            Some(_) => Duration::from_secs(AUTH_TIMEOUT_S).min(self.shared.timeout),
+            None => self.shared.timeout,
+        };
+        let receiving = receiver.receive_seen(|payload| self.tap.received(payload));
+        let first = tokio::time::timeout(patience, receiving).await;
+        let mut next = first.map_err(|_| ServerError::TimedOut(patience))?;
         loop {
-            let received = receiver.receive_seen(|payload| self.tap.received(payload));
-            let message = received.await?.ok_or(ServerError::Closed)?;
+            let message = next?.ok_or(ServerError::Closed)?;
             let event = self
                 .account()
                 .session
                 .receive(&message)
                 .map_err(ServerError::Violation)?;
+            if event == DisplayEvent::Welcome {
+                drop(guest.take());
+                receiver.set_longest(MAX_FRAME);
+            }
             self.received(event, message)?;
+            next = receiver
+                .receive_seen(|payload| self.tap.received(payload))
+                .await;
         }
     }
 
@@ -147,16 +185,19 @@ impl Connection<'_> {
                 },
             ) => {
                 self.account().welcomed = true;
-                let mut state = self.shared.lock();
-                let status = &mut state.servers[self.server];
-                status.name = format!("{name} ({shader})").into();
-                status.threads = capabilities.threads;
+                if let Some(slot) = self.shared.lock().slots.get_mut(self.server) {
+                    slot.status.name = format!("{name} ({shader})").into();
+                    slot.status.threads = capabilities.threads;
+                    slot.flow = Flow::new(capabilities.threads, Instant::now());
+                }
             }
             (DisplayEvent::Ready, _) => {
                 let credits = self.account().session.free_credits();
                 let mut state = self.shared.lock();
-                state.servers[self.server].phase = ServerPhase::Ready;
-                state.servers[self.server].credits = credits;
+                if let Some(slot) = state.slots.get_mut(self.server) {
+                    slot.status.phase = ServerPhase::Ready;
+                    slot.status.credits = credits;
+                }
             }
             (
                 DisplayEvent::Samples,
@@ -186,17 +227,18 @@ impl Connection<'_> {
                 state.deliver_triples(&triples, current);
             }
             (DisplayEvent::Shadows, ToDisplay::Shadows { lights }) => {
-                let mut state = self.shared.lock();
-                tell(&mut state.servers[self.server].shadows, lights);
+                if let Some(slot) = self.shared.lock().slots.get_mut(self.server) {
+                    tell(&mut slot.status.shadows, lights);
+                }
             }
             (DisplayEvent::Status { released }, _) => {
-                self.shared.lock().release(self.server, released);
+                self.shared.lock().release(self.server, &released);
             }
             (DisplayEvent::Fault(violation), _) => return Err(ServerError::Fault(violation)),
             _ => {}
         }
         self.shared.changed.notify_all();
-        self.shared.wake[self.server].notify_one();
+        self.wake.notify_one();
         if first && let Some(waker) = &self.shared.waker {
             waker();
         }
@@ -229,186 +271,30 @@ impl Connection<'_> {
         account.known_epoch == now && account.session_epoch == session_epoch
     }
 
-    async fn write(
-        &self,
-        sender: &mut Sender<OwnedWriteHalf, ToServer>,
-    ) -> Result<End, ServerError> {
-        let timeout = self.shared.timeout;
-        let mut heartbeat = tokio::time::interval(timeout / 4);
-        heartbeat.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
-        let mut batch = Vec::new();
-        self.put(sender, &hello(&self.shared.name, self.shared.seed))
-            .await?;
-        loop {
-            match self.next(&mut batch) {
-                Step::Send(messages) => {
-                    for message in &messages {
-                        self.put(sender, message).await?;
-                    }
-                    continue;
-                }
-                Step::Scene => {
-                    self.send_scene(sender).await?;
-                    continue;
-                }
-                Step::Restart => return Ok(End::Restart),
-                Step::Wait => {}
-            }
-            in_time(timeout, sender.flush()).await?;
-            tokio::select! {
-                () = self.shared.wake[self.server].notified() => {}
-                _ = heartbeat.tick() => {
-                    if let Some(ping) = self.beat()? {
-                        self.put(sender, &ping).await?;
-                    }
-                }
-            }
-        }
+    /// Whether there is anyone else to ask.
+    pub(super) fn has_others(&self) -> bool {
+        self.shared.lock().slots.iter().nth(1).is_some()
     }
 
-    async fn put(
-        &self,
-        sender: &mut Sender<OwnedWriteHalf, ToServer>,
-        message: &ToServer,
-    ) -> Result<(), ServerError> {
-        let sending = sender.feed_seen(message, |payload| self.tap.sent(payload));
-        in_time(self.shared.timeout, sending).await
-    }
-
-    async fn send(
-        &self,
-        sender: &mut Sender<OwnedWriteHalf, ToServer>,
-        message: &ToServer,
-    ) -> Result<(), FrameError> {
-        let sending = sender.feed_seen(message, |payload| self.tap.sent(payload));
-        sending.await?;
-        sender.flush().await
-    }
-
-    /// What the server should be told next, and notes it as sent.
-    fn next(&self, batch: &mut Vec<SampleRequest>) -> Step {
+    /// Has others asked for what this server should have answered by now.
+    pub(super) fn relieve(&self) {
         let mut state = self.shared.lock();
-        let mut account = self.account();
-        if !account.session.is_ready() {
-            let send_scene = account.welcomed && !account.announced;
-            return if send_scene { Step::Scene } else { Step::Wait };
+        let overdue = state.overdue(self.server, Instant::now());
+        if overdue == 0 {
+            return;
         }
-        let Some(offer) = account.session.capabilities().cloned() else {
-            return Step::Wait;
-        };
-        let mut messages = Vec::new();
-        let epoch = state.edits.epoch();
-        if account.known_epoch < epoch {
-            if !offer.edits {
-                return Step::Restart;
-            }
-            for (objects, lights) in state.edits.since(account.known_epoch) {
-                account.session_epoch += 1;
-                let epoch = account.session_epoch;
-                account.session.edited(epoch);
-                messages.push(ToServer::Edit {
-                    epoch,
-                    objects,
-                    lights,
-                });
-            }
-            account.known_epoch = epoch;
-        }
-        if account.cancel_before < state.cancel_before {
-            account.cancel_before = state.cancel_before;
-            account.session.cancelling(state.cancel_before);
-            messages.push(ToServer::Cancel {
-                views_before: state.cancel_before,
-            });
-        }
-        for &(view, camera) in &state.views {
-            if view > account.view {
-                account.view = view;
-                messages.push(ToServer::View { view, camera });
-            }
-        }
-        let most = account.session.free_credits().min(offer.max_batch as usize);
-        if most > 0
-            && let Some(view) = state.take(self.server, most, batch)
-        {
-            account.session.requested(view, batch);
-            messages.push(ToServer::Request {
-                view,
-                samples: batch.clone(),
-            });
-        }
-        if messages.is_empty() {
-            Step::Wait
-        } else {
-            Step::Send(messages)
-        }
-    }
-
-    async fn send_scene(
-        &self,
-        sender: &mut Sender<OwnedWriteHalf, ToServer>,
-    ) -> Result<(), ServerError> {
-        if self.account().session.takes_shadows() {
-            self.put(sender, &self.shared.shadows).await?;
-        }
-        let encoded = self.scene_to_send().await?;
-        let holds = {
-            let mut account = self.account();
-            account.announced = true;
-            account.session.announce(encoded.digest())
-        };
-        self.put(sender, &encoded.begin()).await?;
-        if !holds {
-            for chunk in encoded.chunks() {
-                self.put(sender, &chunk).await?;
-            }
-        }
-        Ok(())
-    }
-
-    /// The scene as it was loaded, or as it is now for a server that takes no edits.
-    async fn scene_to_send(&self) -> Result<Arc<EncodedScene>, ServerError> {
-        let edited = {
-            let state = self.shared.lock();
-            let mut account = self.account();
-            let edits = account
-                .session
-                .capabilities()
-                .is_some_and(|offer| offer.edits);
-            if edits || state.edits.epoch() == 0 {
-                None
-            } else {
-                account.known_epoch = state.edits.epoch();
-                Some(state.edits.clone())
-            }
-        };
-        let Some(edits) = edited else {
-            return Ok(Arc::clone(&self.shared.encoded));
-        };
-        let scene = Arc::clone(&self.shared.scene);
-        let encoding =
-            tokio::task::spawn_blocking(move || EncodedScene::new(&edits.applied(&scene)));
-        match encoding.await {
-            Ok(encoded) => Ok(Arc::new(encoded?)),
-            Err(_) => Err(ServerError::Closed),
-        }
-    }
-
-    /// A ping, if the last one was answered.
-    fn beat(&self) -> Result<Option<ToServer>, ServerError> {
-        let mut account = self.account();
-        let waits = !account.welcomed || account.session.awaits_pong();
-        if waits && account.since.elapsed() >= self.shared.timeout {
-            return Err(ServerError::TimedOut(self.shared.timeout));
-        }
-        if waits {
-            return Ok(None);
-        }
-        account.pings += 1;
-        account.since = Instant::now();
-        let token = account.pings;
-        account.session.pinged(token);
-        Ok(Some(ToServer::Ping { token }))
+        let account = self.account();
+        let mut held: Vec<_> = account
+            .session
+            .held()
+            .filter(|held| !state.is_asked_again(held.request.id))
+            .copied()
+            .collect();
+        drop(account);
+        // What was asked last is furthest from being answered.
+        held.sort_unstable_by_key(|held| held.request.id);
+        let first = held.len().saturating_sub(overdue);
+        state.ask_again(self.server, held.drain(first..));
     }
 
     /// Hands what the server held to the others.
@@ -416,10 +302,12 @@ impl Connection<'_> {
         let held = self.account().session.take_outstanding();
         let mut state = self.shared.lock();
         state.hand_back(self.server, &held);
-        state.servers[self.server].credits = 0;
-        state.servers[self.server].phase = ServerPhase::Connecting;
+        if let Some(slot) = state.slots.get_mut(self.server) {
+            slot.status.credits = 0;
+            slot.status.phase = ServerPhase::Connecting;
+        }
+        state.slots.wake_all();
         drop(state);
-        self.shared.wake_servers();
         self.shared.changed.notify_all();
     }
 
@@ -452,12 +340,4 @@ impl Connection<'_> {
         // A server that goes on sending is not waited for.
         let _ = tokio::time::timeout(FAREWELL, told).await;
     }
-}
-
-async fn in_time(
-    timeout: Duration,
-    sending: impl Future<Output = Result<(), FrameError>>,
-) -> Result<(), ServerError> {
-    let done = tokio::time::timeout(timeout, sending).await;
-    Ok(done.map_err(|_| ServerError::TimedOut(timeout))??)
 }

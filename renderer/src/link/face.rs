@@ -2,7 +2,7 @@
 
 use std::ffi::OsString;
 use std::io;
-use std::net::SocketAddr;
+use std::net::{SocketAddr, ToSocketAddrs};
 use std::path::PathBuf;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -13,12 +13,14 @@ use protocol::messages::{
     Camera, LightMove, ObjectMove, SHADOW_ERROR, Sample, SampleRequest, ShadowMethod, Texel, Triple,
 };
 use protocol::scene::Scene;
+use protocol::secret::Secret;
 use protocol::trace::Step;
 use protocol::transfer::{EncodedScene, TransferError};
 use protocol::validate::{ValueError, validate_camera};
-use tokio::sync::{Notify, watch};
+use tokio::sync::watch;
 
-use super::server::{Shared, supervise};
+use super::plan::{Plan, plan};
+use super::server::Shared;
 use super::state::State;
 use super::status::{LinkStatus, ServerStatus};
 use crate::traces::Recorder;
@@ -41,8 +43,11 @@ pub struct ReceivedSample {
 /// Where a server comes from.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum ServerSource {
-    /// One that runs already, as `HOST:PORT` on this machine.
+    /// One that runs already, as `HOST:PORT`; if the host is a name all servers that it leads to. On this machine, unless
+    /// there is a secret.
     Connect(String),
+    /// Any number that dial in here.
+    Accept(SocketAddr),
     /// One to be started, and ended with the link. It is given `--listen 127.0.0.1:0 --parent-stdin` after its own
     /// arguments, prints `listening on ADDRESS` as its first line, and ends when its standard input does.
     Spawn {
@@ -52,6 +57,9 @@ pub enum ServerSource {
         args: Vec<OsString>,
     },
 }
+
+/// Finds the addresses of `HOST:PORT`.
+pub type LookUp = dyn Fn(&str) -> io::Result<Vec<SocketAddr>> + Send + Sync;
 
 /// How to work with servers.
 pub struct LinkConfig {
@@ -67,6 +75,10 @@ pub struct LinkConfig {
     pub attempts: u32,
     /// A server that answers nothing for so long is lost.
     pub timeout: Duration,
+    /// What servers must know, and the display proves to them. Without it they are on this machine alone.
+    pub secret: Option<Secret>,
+    /// How host names, each with a port, are looked up: by the system unless told otherwise. May block.
+    pub look_up: Arc<LookUp>,
     /// How the visibility of lights is wanted.
     pub shadows: ShadowWish,
     /// Called from the link's thread when samples came and none were waiting to be drained.
@@ -85,6 +97,8 @@ impl LinkConfig {
             capacity: 1 << 18,
             attempts: 3,
             timeout: Duration::from_secs(protocol::limits::PING_TIMEOUT_S),
+            secret: None,
+            look_up: Arc::new(|host| Ok(host.to_socket_addrs()?.collect())),
             shadows: ShadowWish::default(),
             waker: None,
             recorder: None,
@@ -127,8 +141,21 @@ pub enum LinkError {
     #[error("no shader server was named; name at least one")]
     NoServers,
     /// An address is not on this machine.
-    #[error("{0} is not a loopback address; run the shader server on this machine")]
+    #[error(
+        "{0} is not a loopback address, where anybody may come or answer; give --secret-file on both sides"
+    )]
     NotLoopback(SocketAddr),
+    /// Servers cannot be waited for at an address.
+    #[error("cannot listen for shader servers on {address}: {source}; is the port taken?")]
+    Listen {
+        /// The address.
+        address: SocketAddr,
+        /// Why not.
+        source: io::Error,
+    },
+    /// Too many servers were named.
+    #[error("too many shader servers were named")]
+    TooMany,
     /// Ids of requests do not grow.
     #[error("request {id} follows {newest}; ids must grow from one request to the next")]
     Ids {
@@ -159,6 +186,7 @@ pub struct Link {
     shared: Arc<Shared>,
     closing: watch::Sender<bool>,
     thread: Option<JoinHandle<()>>,
+    listening: Vec<SocketAddr>,
     attempts: u32,
     newest_id: Option<u64>,
 }
@@ -167,29 +195,26 @@ impl Link {
     /// Checks and encodes the scene, and starts to connect.
     ///
     /// # Errors
-    /// [`LinkError::Scene`], [`LinkError::NoServers`], [`LinkError::NotLoopback`] and [`LinkError::Thread`]; servers
-    /// that cannot be reached are no error but in [`Link::status`].
+    /// All but [`LinkError::Value`] and [`LinkError::Ids`]; servers that cannot be reached are no error but in
+    /// [`Link::status`].
     pub fn start(config: LinkConfig, scene: Arc<Scene>) -> Result<Self, LinkError> {
         if config.servers.is_empty() {
             return Err(LinkError::NoServers);
-        }
-        for source in &config.servers {
-            if let ServerSource::Connect(address) = source
-                && let Ok(address) = address.parse::<SocketAddr>()
-                && !address.ip().is_loopback()
-            {
-                return Err(LinkError::NotLoopback(address));
-            }
         }
         let encoded = Arc::new(EncodedScene::new(&scene)?);
         if let Some(recorder) = &config.recorder {
             recorder.begin(config.seed, &encoded);
         }
+        let runtime = tokio::runtime::Builder::new_current_thread()
+            .enable_all()
+            .build()?;
+        let mut state = State::new(&scene, config.capacity);
+        let plans = plan(&config, &mut state, &runtime)?;
+        let listening = plans.iter().filter_map(Plan::listens).collect();
         let (closing, told) = watch::channel(false);
         let shared = Arc::new(Shared {
-            state: Mutex::new(State::new(&scene, config.servers.len(), config.capacity)),
+            state: Mutex::new(state),
             changed: Condvar::new(),
-            wake: config.servers.iter().map(|_| Notify::new()).collect(),
             waker: config.waker,
             closing: told,
             scene,
@@ -202,20 +227,18 @@ impl Link {
             },
             seed: config.seed,
             timeout: config.timeout,
+            secret: config.secret,
+            look_up: config.look_up,
             recorder: config.recorder,
         });
-        let runtime = tokio::runtime::Builder::new_current_thread()
-            .enable_all()
-            .build()?;
         let for_thread = Arc::clone(&shared);
-        let sources = config.servers;
         let thread = std::thread::Builder::new()
             .name("link".into())
             .spawn(move || {
                 runtime.block_on(async move {
                     let mut all = tokio::task::JoinSet::new();
-                    for (server, source) in sources.into_iter().enumerate() {
-                        all.spawn(supervise(server, source, Arc::clone(&for_thread)));
+                    for plan in plans {
+                        all.spawn(plan.run(Arc::clone(&for_thread)));
                     }
                     all.join_all().await;
                 });
@@ -227,9 +250,15 @@ impl Link {
             shared,
             closing,
             thread: Some(thread),
+            listening,
             attempts,
             newest_id: None,
         })
+    }
+
+    /// Where servers may dial in.
+    pub fn listening(&self) -> &[SocketAddr] {
+        &self.listening
     }
 
     /// Makes a camera known and returns the number of its view; numbers start at 1 and grow by one.
@@ -350,9 +379,10 @@ impl Link {
         self.shared.lock().status()
     }
 
-    /// How each server is doing, in the order in which they were named.
+    /// How each server is doing.
     pub fn servers(&self) -> Vec<ServerStatus> {
-        self.shared.lock().servers.clone()
+        let state = self.shared.lock();
+        state.slots.iter().map(|slot| slot.status.clone()).collect()
     }
 }
 

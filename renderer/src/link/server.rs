@@ -3,20 +3,22 @@
 use std::ffi::OsString;
 use std::io;
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use protocol::ToServer;
 use protocol::framing::FrameError;
 use protocol::scene::Scene;
+use protocol::secret::{self, Role, Secret, SecretError};
 use protocol::session::Violation;
 use protocol::transfer::EncodedScene;
 use tokio::net::TcpStream;
-use tokio::sync::{Notify, watch};
+use tokio::sync::watch;
 
 use super::connection::{self, End};
-use super::face::ServerSource;
+use super::face::LookUp;
+use super::named::Named;
 use super::process::Process;
 use super::state::State;
 use super::status::ServerPhase;
@@ -24,8 +26,8 @@ use crate::traces::Recorder;
 
 /// First pause before a server is tried again; it doubles with each failure.
 const FIRST_PAUSE: Duration = Duration::from_millis(50);
-/// Longest pause.
-const LONGEST_PAUSE: Duration = Duration::from_secs(5);
+/// Longest pause: a server that comes back is fed within a second.
+const LONGEST_PAUSE: Duration = Duration::from_millis(500);
 /// A server that lasted so long has not failed before.
 const HEALTHY: Duration = Duration::from_secs(10);
 
@@ -54,12 +56,26 @@ pub enum ServerError {
         /// Why not.
         source: io::Error,
     },
-    /// The address is not on this machine, which the protocol does not allow.
-    #[error("{address} is not a loopback address; run the shader server on this machine")]
+    /// The address is not on this machine, and there is no secret.
+    #[error("{address} is not a loopback address; give --secret-file on both sides")]
     NotLoopback {
         /// The address.
         address: String,
     },
+    /// The host name leads nowhere.
+    #[error("no address is known for {host}: {source}")]
+    Name {
+        /// Host and port.
+        host: String,
+        /// Why not.
+        source: io::Error,
+    },
+    /// It did not prove that it knows the secret.
+    #[error(transparent)]
+    Secret(#[from] SecretError),
+    /// It came by itself, did not say who it is, and others came after it.
+    #[error("it had to make room before it said who it is")]
+    Crowded,
     /// The connection or a frame on it is broken.
     #[error(transparent)]
     Frame(#[from] FrameError),
@@ -85,8 +101,6 @@ pub(super) struct Shared {
     pub(super) state: Mutex<State>,
     /// Told of every change that a waiting display may be waiting for.
     pub(super) changed: Condvar,
-    /// One for each server, told when there may be something to send.
-    pub(super) wake: Vec<Notify>,
     pub(super) waker: Option<Box<dyn Fn() + Send + Sync>>,
     pub(super) closing: watch::Receiver<bool>,
     pub(super) scene: Arc<Scene>,
@@ -96,6 +110,11 @@ pub(super) struct Shared {
     pub(super) shadows: ToServer,
     pub(super) seed: u64,
     pub(super) timeout: Duration,
+    /// What both sides must know.
+    pub(super) secret: Option<Secret>,
+    /// How host names are looked up.
+    pub(super) look_up: Arc<LookUp>,
+    /// Told of every frame.
     pub(super) recorder: Option<Recorder>,
 }
 
@@ -106,7 +125,7 @@ impl Shared {
 
     /// There may be something to send to any server.
     pub(super) fn wake_servers(&self) {
-        self.wake.iter().for_each(Notify::notify_one);
+        self.lock().slots.wake_all();
     }
 
     /// Completes when the link is being closed.
@@ -116,14 +135,55 @@ impl Shared {
     }
 }
 
-/// Keeps one server in use until the link closes.
-pub(super) async fn supervise(server: usize, source: ServerSource, shared: Arc<Shared>) {
+/// What a server is reached by.
+#[derive(Clone, Debug)]
+pub(super) enum Target {
+    /// A program that is started, and ended with the connection.
+    Program {
+        /// The program.
+        program: PathBuf,
+        /// Its own arguments.
+        args: Vec<OsString>,
+    },
+    /// Somebody who listens there.
+    Address {
+        /// Where.
+        address: SocketAddr,
+        /// The host name that led there, if one did.
+        named: Option<Arc<Named>>,
+    },
+}
+
+impl Target {
+    fn named(&self) -> Option<&Named> {
+        match self {
+            Self::Address { named, .. } => named.as_deref(),
+            Self::Program { .. } => None,
+        }
+    }
+
+    /// Whether it is still wanted after a failure.
+    fn is_wanted(&self) -> bool {
+        match self {
+            Self::Address {
+                address,
+                named: Some(named),
+            } => named.has(*address),
+            _ => true,
+        }
+    }
+}
+
+/// Keeps one server in use, in a slot that is open, until the link closes or its host name leads there no more.
+pub(super) async fn supervise(server: usize, target: Target, shared: Arc<Shared>) {
     let mut failures = 0u32;
     while !*shared.closing.borrow() {
-        shared.lock().servers[server].phase = ServerPhase::Connecting;
+        if let Some(slot) = shared.lock().slots.get_mut(server) {
+            slot.status.phase = ServerPhase::Connecting;
+        }
         shared.changed.notify_all();
         let started = Instant::now();
-        match attempt(server, &source, &shared).await {
+        match attempt(server, &target, &shared).await {
             Ok(End::Closing) => break,
             Ok(End::Restart) => continue,
             Err(error) => {
@@ -132,17 +192,29 @@ pub(super) async fn supervise(server: usize, source: ServerSource, shared: Arc<S
                 } else {
                     failures.saturating_add(1)
                 };
-                tracing::warn!(server, failures, %error, "lost a shader server");
+                if failures == 1 {
+                    tracing::warn!(server, %error, "lost a shader server");
+                } else {
+                    tracing::debug!(server, failures, %error, "cannot have a shader server");
+                }
                 shared.lock().lost(server, failures, &error.to_string());
+                if let Some(named) = target.named() {
+                    named.failed();
+                }
             }
         }
-        shared.changed.notify_all();
         shared.wake_servers();
+        shared.changed.notify_all();
+        if !target.is_wanted() {
+            break;
+        }
         tokio::select! {
             () = tokio::time::sleep(pause(failures)) => {}
             () = shared.closed() => {}
         }
     }
+    shared.lock().slots.close(server);
+    shared.changed.notify_all();
 }
 
 fn pause(failures: u32) -> Duration {
@@ -152,26 +224,25 @@ fn pause(failures: u32) -> Duration {
         .min(LONGEST_PAUSE)
 }
 
-async fn attempt(
-    server: usize,
-    source: &ServerSource,
-    shared: &Shared,
-) -> Result<End, ServerError> {
-    match source {
-        ServerSource::Connect(address) => {
+async fn attempt(server: usize, target: &Target, shared: &Shared) -> Result<End, ServerError> {
+    match target {
+        Target::Address { address, named } => {
             let stream = tokio::select! {
-                stream = connect(address, shared.timeout) => stream?,
+                stream = connect(*address, shared) => stream?,
                 () = shared.closed() => return Ok(End::Closing),
             };
-            connection::run(stream, server, shared).await
+            if let Some(named) = named {
+                named.reached(*address);
+            }
+            connection::run(stream, server, shared, None).await
         }
-        ServerSource::Spawn { program, args } => spawned(server, program, args, shared).await,
+        Target::Program { program, args } => spawned(server, program, args, shared).await,
     }
 }
 
 async fn spawned(
     server: usize,
-    program: &std::path::Path,
+    program: &Path,
     args: &[OsString],
     shared: &Shared,
 ) -> Result<End, ServerError> {
@@ -179,39 +250,33 @@ async fn spawned(
         process = Process::spawn(program, args, shared.timeout) => process?,
         () = shared.closed() => return Ok(End::Closing),
     };
-    let end = match connect(&process.address().to_string(), shared.timeout).await {
-        Ok(stream) => connection::run(stream, server, shared).await,
+    let end = match connect(process.address(), shared).await {
+        Ok(stream) => connection::run(stream, server, shared, None).await,
         Err(error) => Err(error),
     };
     process.stop().await;
     end
 }
 
-async fn connect(address: &str, timeout: Duration) -> Result<TcpStream, ServerError> {
-    let failed = |source| ServerError::Connect {
-        address: address.to_owned(),
-        source,
-    };
-    let found: Vec<SocketAddr> = tokio::net::lookup_host(address)
-        .await
-        .map_err(failed)?
-        .collect();
-    let local: Vec<_> = found
-        .iter()
-        .copied()
-        .filter(|a| a.ip().is_loopback())
-        .collect();
-    if local.is_empty() {
+async fn connect(address: SocketAddr, shared: &Shared) -> Result<TcpStream, ServerError> {
+    if shared.secret.is_none() && !address.ip().is_loopback() {
         return Err(ServerError::NotLoopback {
-            address: address.to_owned(),
+            address: address.to_string(),
         });
     }
-    let connecting = TcpStream::connect(&local[..]);
-    let stream = tokio::time::timeout(timeout, connecting)
+    let failed = |source| ServerError::Connect {
+        address: address.to_string(),
+        source,
+    };
+    let connecting = TcpStream::connect(address);
+    let mut stream = tokio::time::timeout(shared.timeout, connecting)
         .await
         .map_err(|_| failed(io::ErrorKind::TimedOut.into()))?
         .map_err(failed)?;
     stream.set_nodelay(true).map_err(failed)?;
+    if let Some(secret) = &shared.secret {
+        secret::dialled(&mut stream, secret, Role::Display).await?;
+    }
     Ok(stream)
 }
 
@@ -220,10 +285,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pauses_double_up_to_a_bound() {
-        let millis: Vec<_> = [1, 2, 3, 7, 8, 40, u32::MAX]
+    fn pauses_double_up_to_half_a_second() {
+        let millis: Vec<_> = [1, 2, 3, 4, 5, 40, u32::MAX]
             .map(|n| pause(n).as_millis())
             .into();
-        assert_eq!(millis, [50, 100, 200, 3200, 5000, 5000, 5000]);
+        assert_eq!(millis, [50, 100, 200, 400, 500, 500, 500]);
     }
 }

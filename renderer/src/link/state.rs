@@ -8,16 +8,16 @@ use protocol::messages::{Camera, SampleRequest, Triple};
 use protocol::scene::Scene;
 use protocol::session::Outstanding;
 
+use super::again::{Again, Copy};
 use super::edits::Edits;
 use super::face::ReceivedSample;
+use super::slots::Slots;
 use super::status::{LinkStatus, Rate, ServerPhase, ServerStatus};
 
 /// Views that are kept for requests still to be sent; servers remember four times as many.
 pub(super) const VIEWS_KEPT: usize = 64;
 /// Most triples of an epoch.
 const MAX_TRIPLES: usize = 1 << 20;
-/// No server's share is cut below so many requests.
-const LEAST_SHARE: usize = 64;
 
 /// Requests, answers, views and edits.
 #[derive(Debug)]
@@ -25,17 +25,23 @@ pub(super) struct State {
     pub(super) edits: Edits,
     pub(super) views: VecDeque<(u32, Camera)>,
     pub(super) cancel_before: u32,
-    pub(super) servers: Vec<ServerStatus>,
+    pub(super) slots: Slots,
+    /// Servers may come by themselves.
+    pub(super) open: bool,
     /// Most requests and undrained samples together.
     capacity: usize,
     newest_view: u32,
     queue: VecDeque<Outstanding>,
+    /// Requests that servers hold, each once.
     in_flight: usize,
+    /// Those that more than one server has to do with.
+    again: Again,
     inbox: Vec<ReceivedSample>,
     triples: Vec<Triple>,
     seen: HashSet<Triple>,
     rate: Rate,
     samples: u64,
+    late: u64,
     stale: u64,
     dropped: u64,
     faults: u64,
@@ -43,30 +49,24 @@ pub(super) struct State {
 }
 
 impl State {
-    pub(super) fn new(scene: &Scene, servers: usize, capacity: usize) -> Self {
-        let server = ServerStatus {
-            phase: ServerPhase::Connecting,
-            name: "".into(),
-            credits: 0,
-            outstanding: 0,
-            threads: 0,
-            shadows: Vec::new(),
-            last_fault: None,
-        };
+    pub(super) fn new(scene: &Scene, capacity: usize) -> Self {
         Self {
             edits: Edits::new(scene),
             views: VecDeque::with_capacity(VIEWS_KEPT),
             cancel_before: 0,
-            servers: vec![server; servers],
+            slots: Slots::default(),
+            open: false,
             capacity,
             newest_view: 0,
             queue: VecDeque::new(),
             in_flight: 0,
+            again: Again::default(),
             inbox: Vec::new(),
             triples: Vec::new(),
             seen: HashSet::new(),
             rate: Rate::new(Instant::now()),
             samples: 0,
+            late: 0,
             stale: 0,
             dropped: 0,
             faults: 0,
@@ -89,7 +89,7 @@ impl State {
             ServerPhase::Down { failures } => failures < attempts,
             ServerPhase::Ready | ServerPhase::Connecting => true,
         };
-        self.servers.iter().any(left)
+        self.open || self.slots.iter().any(|slot| left(&slot.status))
     }
 
     /// A new view; the oldest is forgotten, and its requests with it, when there are too many.
@@ -99,6 +99,7 @@ impl State {
             self.views.pop_front();
             let oldest = self.views.front().map_or(0, |(view, _)| *view);
             self.drop_queued_before(oldest, true);
+            self.again.cancel(oldest);
         }
         self.views.push_back((self.newest_view, camera));
         self.newest_view
@@ -141,6 +142,7 @@ impl State {
         self.cancel_before = self.cancel_before.max(views_before);
         let before = self.cancel_before;
         self.drop_queued_before(before, false);
+        self.again.cancel(before);
         while self.views.front().is_some_and(|(view, _)| *view < before) {
             self.views.pop_front();
         }
@@ -154,41 +156,67 @@ impl State {
         self.seen.clear();
     }
 
-    /// Moves the next requests, all of one view, to a server that has so much credit free. Returns their view.
-    ///
-    /// With several servers none takes more than half of its share of the work at once, its share being measured by
-    /// credit; so the queue runs out for all of them at about the same time, however fast each is.
+    /// Moves the next requests, all of one view, to a server that has so much credit free: as many as it should hold now,
+    /// and first those that another was too slow for. Returns their view.
     pub(super) fn take(
         &mut self,
         server: usize,
         most: usize,
         batch: &mut Vec<SampleRequest>,
+        now: Instant,
     ) -> Option<u32> {
         batch.clear();
-        let view = self.queue.front()?.view;
-        let most = most.min(self.share(server));
-        while batch.len() < most
-            && let Some(queued) = self.queue.front()
-            && queued.view == view
-        {
-            batch.push(queued.request);
-            self.queue.pop_front();
+        let most = most.min(self.slots.allowance(server, self.pending(), now));
+        let slot = self.slots.get_mut(server)?;
+        let again = if self.again.is_empty() {
+            None
+        } else {
+            self.again.take(slot.connection, most, batch)
+        };
+        let view = match again {
+            Some(view) => view,
+            None => {
+                let view = self.queue.front()?.view;
+                while batch.len() < most
+                    && let Some(queued) = self.queue.front()
+                    && queued.view == view
+                {
+                    batch.push(queued.request);
+                    self.queue.pop_front();
+                }
+                self.in_flight += batch.len();
+                view
+            }
+        };
+        if batch.is_empty() {
+            return None;
         }
-        self.in_flight += batch.len();
-        self.servers[server].outstanding += batch.len();
-        if batch.is_empty() { None } else { Some(view) }
+        slot.status.outstanding += batch.len();
+        slot.flow.sent(batch.len(), now);
+        Some(view)
     }
 
-    fn share(&self, server: usize) -> usize {
-        let credits: usize = self.servers.iter().map(|s| s.credits).sum();
-        let own = &self.servers[server];
-        if own.credits == credits {
-            return usize::MAX;
+    /// How many of what a server holds others should be asked too.
+    pub(super) fn overdue(&self, server: usize, now: Instant) -> usize {
+        self.slots.overdue(server, self.queue.is_empty(), now)
+    }
+
+    /// Wants others to be asked for this too, of what a server holds.
+    pub(super) fn ask_again(&mut self, server: usize, held: impl Iterator<Item = Outstanding>) {
+        let Some(connection) = self.slots.get(server).map(|slot| slot.connection) else {
+            return;
+        };
+        for one in held {
+            if self.knows(one.view) {
+                self.again.add(connection, one);
+            }
         }
-        let share = (self.pending() as u128 * own.credits as u128 / credits.max(1) as u128) / 2;
-        (share as usize)
-            .max(LEAST_SHARE)
-            .saturating_sub(own.outstanding)
+        self.slots.wake_all();
+    }
+
+    /// Whether others are asked for this already.
+    pub(super) fn is_asked_again(&self, id: u64) -> bool {
+        self.again.contains(id)
     }
 
     /// Takes in samples; true if the inbox was empty before.
@@ -198,17 +226,31 @@ impl State {
         samples: impl ExactSizeIterator<Item = ReceivedSample>,
         current: bool,
     ) -> bool {
+        let now = Instant::now();
         let count = samples.len();
-        self.release(server, count);
-        self.samples += count as u64;
-        self.rate.add(count, Instant::now());
-        if !current {
-            self.stale += count as u64;
-            return false;
+        if let Some(slot) = self.slots.get_mut(server) {
+            slot.status.outstanding -= count;
+            slot.status.samples += count as u64;
+            slot.flow.answered(count, now);
         }
-        let first = self.inbox.is_empty();
-        self.inbox.extend(samples);
-        first
+        let (before, first) = (self.inbox.len(), self.inbox.is_empty());
+        if self.again.is_empty() {
+            self.inbox.extend(samples);
+        } else {
+            let again = &mut self.again;
+            let firsts = samples.filter(|r| again.answered(r.sample.id) == Copy::Only);
+            self.inbox.extend(firsts);
+        }
+        let counted = self.inbox.len() - before;
+        self.in_flight -= counted;
+        self.samples += counted as u64;
+        self.late += (count - counted) as u64;
+        self.rate.add(counted, now);
+        if !current {
+            self.stale += counted as u64;
+            self.inbox.truncate(before);
+        }
+        first && !self.inbox.is_empty()
     }
 
     /// Takes in triples, each once an epoch.
@@ -226,16 +268,31 @@ impl State {
         }
     }
 
-    /// So many requests are no longer held by this server.
-    pub(super) fn release(&mut self, server: usize, count: usize) {
-        self.in_flight -= count;
-        self.servers[server].outstanding -= count;
+    /// A server dropped these requests, as it was asked to.
+    pub(super) fn release(&mut self, server: usize, ids: &[u64]) {
+        for &id in ids {
+            if self.again.released(id) == Copy::Only {
+                self.in_flight -= 1;
+            }
+        }
+        if let Some(slot) = self.slots.get_mut(server)
+            && !ids.is_empty()
+        {
+            slot.status.outstanding -= ids.len();
+            slot.flow.cancelled(slot.status.outstanding);
+        }
     }
 
     /// Puts what a lost server held back before everything else.
     pub(super) fn hand_back(&mut self, server: usize, held: &[Outstanding]) {
-        self.release(server, held.len());
+        if let Some(slot) = self.slots.get_mut(server) {
+            slot.status.outstanding -= held.len();
+        }
         for &one in held.iter().rev() {
+            if self.again.released(one.request.id) == Copy::Spare {
+                continue;
+            }
+            self.in_flight -= 1;
             if self.knows(one.view) {
                 self.queue.push_front(one);
             } else if one.view >= self.cancel_before {
@@ -247,10 +304,11 @@ impl State {
     /// Notes why a server was lost.
     pub(super) fn lost(&mut self, server: usize, failures: u32, why: &str) {
         let why: Arc<str> = why.into();
-        let status = &mut self.servers[server];
-        status.phase = ServerPhase::Down { failures };
-        status.credits = 0;
-        status.last_fault = Some(Arc::clone(&why));
+        if let Some(slot) = self.slots.get_mut(server) {
+            slot.status.phase = ServerPhase::Down { failures };
+            slot.status.credits = 0;
+            slot.status.last_fault = Some(Arc::clone(&why));
+        }
         self.faults += 1;
         self.last_fault = Some(why);
     }
@@ -262,18 +320,18 @@ impl State {
     }
 
     pub(super) fn status(&mut self) -> LinkStatus {
+        let samples_per_second = self.rate.at(Instant::now());
+        let servers = || self.slots.iter().map(|slot| &slot.status);
+        let ready = |s: &&ServerStatus| s.phase == ServerPhase::Ready;
         LinkStatus {
-            servers: self.servers.len(),
-            connected: self
-                .servers
-                .iter()
-                .filter(|s| s.phase == ServerPhase::Ready)
-                .count(),
-            credits: self.servers.iter().map(|s| s.credits).sum(),
+            servers: servers().count(),
+            connected: servers().filter(ready).count(),
+            credits: servers().map(|s| s.credits).sum(),
             queued: self.queue.len(),
             outstanding: self.in_flight,
-            samples_per_second: self.rate.at(Instant::now()),
+            samples_per_second,
             samples: self.samples,
+            late: self.late,
             stale: self.stale,
             dropped: self.dropped,
             faults: self.faults,

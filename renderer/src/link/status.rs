@@ -22,6 +22,8 @@ pub enum ServerPhase {
 /// One server.
 #[derive(Clone, Debug)]
 pub struct ServerStatus {
+    /// Where it is: an address or a program.
+    pub place: Arc<str>,
     /// How it is doing.
     pub phase: ServerPhase,
     /// Its name and shader, once it said them.
@@ -32,16 +34,35 @@ pub struct ServerStatus {
     pub outstanding: usize,
     /// Its worker threads.
     pub threads: u32,
+    /// Samples that came from it.
+    pub samples: u64,
     /// How it finds the visibility of lights, by index, as far as it said.
     pub shadows: Vec<LightShadows>,
     /// Why it was lost last.
     pub last_fault: Option<Arc<str>>,
 }
 
+impl ServerStatus {
+    /// Nothing is known yet of what is at this place.
+    pub(super) fn new(place: &str) -> Self {
+        Self {
+            place: place.into(),
+            phase: ServerPhase::Connecting,
+            name: "".into(),
+            credits: 0,
+            outstanding: 0,
+            threads: 0,
+            samples: 0,
+            shadows: Vec::new(),
+            last_fault: None,
+        }
+    }
+}
+
 /// All servers together, and what went through the link so far.
 #[derive(Clone, Debug, Default)]
 pub struct LinkStatus {
-    /// Servers that the link was given.
+    /// Servers that the link knows of.
     pub servers: usize,
     /// Servers that take requests.
     pub connected: usize,
@@ -49,12 +70,14 @@ pub struct LinkStatus {
     pub credits: usize,
     /// Requests that wait for a server.
     pub queued: usize,
-    /// Requests that servers hold.
+    /// Requests that servers hold, each counted once however many hold it.
     pub outstanding: usize,
     /// Samples a second, over the last half second or so.
     pub samples_per_second: f64,
-    /// Samples received.
+    /// Samples received, the first of each request.
     pub samples: u64,
+    /// Samples that another server had answered before.
+    pub late: u64,
     /// Samples and triples of an older epoch, not passed on.
     pub stale: u64,
     /// Requests given up because the queue was full or their view forgotten, and triples for which there was no room.

@@ -87,6 +87,8 @@ pub(super) enum Fate {
     Twice,
     /// Keeps its answers back until something moves.
     Late,
+    /// Takes so many milliseconds for each sample, one after another.
+    Slow(u64),
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -123,6 +125,12 @@ pub(super) struct FakeServer {
 
 impl FakeServer {
     pub(super) fn start(behaviour: Behaviour) -> Self {
+        Self::start_at("127.0.0.1:0", behaviour)
+    }
+
+    /// The same at an address.
+    pub(super) fn start_at(place: &str, behaviour: Behaviour) -> Self {
+        let place = place.to_owned();
         let log = Arc::new(Mutex::new(Vec::new()));
         let (stop, stopped) = oneshot::channel();
         let (say, hear) = std::sync::mpsc::channel();
@@ -133,7 +141,7 @@ impl FakeServer {
                 .build()
                 .unwrap();
             runtime.block_on(async move {
-                let listener = TcpListener::bind("127.0.0.1:0").await.unwrap();
+                let listener = TcpListener::bind(place).await.unwrap();
                 say.send(listener.local_addr().unwrap().to_string())
                     .unwrap();
                 let mut open = tokio::task::JoinSet::new();
@@ -239,7 +247,7 @@ fn offer(behaviour: &Behaviour) -> Capabilities {
     }
 }
 
-async fn serve(stream: TcpStream, behaviour: Behaviour, log: Arc<Mutex<Vec<ToServer>>>) {
+pub(super) async fn serve(stream: TcpStream, behaviour: Behaviour, log: Arc<Mutex<Vec<ToServer>>>) {
     stream.set_nodelay(true).unwrap();
     let (mut receiver, mut sender) = server_side(stream);
     let offer = offer(&behaviour);
@@ -321,6 +329,10 @@ async fn serve(stream: TcpStream, behaviour: Behaviour, log: Arc<Mutex<Vec<ToSer
             Ok(_) => {}
         }
         for reply in &replies {
+            if let (Fate::Slow(ms), ToDisplay::Samples { samples, .. }) = (behaviour.fate, reply) {
+                let all = std::time::Duration::from_millis(ms * samples.len() as u64);
+                tokio::time::sleep(all).await;
+            }
             if sender.send(reply).await.is_err() {
                 return;
             }

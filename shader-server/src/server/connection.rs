@@ -4,7 +4,9 @@ use std::{collections::VecDeque, net::SocketAddr, sync::Arc, time::Duration};
 
 use protocol::{
     ToDisplay, ToServer,
+    doorway::Guest,
     framing::{FrameError, Receiver, Sender, server_side},
+    limits::{AUTH_TIMEOUT_S, MAX_FRAME, MAX_GREETING},
     messages::{Digest, FaultCode},
     scene::Scene,
     session::{ServerEvent, ServerSession, Violation},
@@ -18,7 +20,7 @@ use tokio::{
 };
 
 use super::{
-    Shared,
+    MAX_DISPLAYS, Shared,
     desk::{Current, Desk},
 };
 use crate::{
@@ -29,7 +31,7 @@ use crate::{
 };
 
 /// Time for a display's first message.
-const GREETING: Duration = Duration::from_secs(10);
+const GREETING: Duration = Duration::from_secs(AUTH_TIMEOUT_S);
 /// Time to write what is left when a connection ends.
 const FAREWELL: Duration = Duration::from_secs(2);
 /// Between reports on how it goes.
@@ -68,8 +70,13 @@ struct Connection {
     address: SocketAddr,
 }
 
-/// Serves one display until it leaves or breaks a rule.
-pub(super) async fn serve(shared: &Arc<Shared>, stream: TcpStream, address: SocketAddr) {
+/// Serves one display, which may be a stranger, until it leaves or breaks a rule.
+pub(super) async fn serve(
+    shared: &Arc<Shared>,
+    stream: TcpStream,
+    address: SocketAddr,
+    guest: Option<Guest>,
+) {
     let held = shared.cache.snapshot();
     let digests = held.iter().map(|(digest, _)| *digest).collect();
     let rules = ServerSession::new(
@@ -79,6 +86,7 @@ pub(super) async fn serve(shared: &Arc<Shared>, stream: TcpStream, address: Sock
     );
     let desk = Desk::new(Arc::clone(shared), rules);
     let (mut incoming, outgoing) = server_side(stream);
+    incoming.set_longest(MAX_GREETING);
     let connection = Connection {
         shared: Arc::clone(shared),
         desk: Arc::clone(&desk),
@@ -91,7 +99,7 @@ pub(super) async fn serve(shared: &Arc<Shared>, stream: TcpStream, address: Sock
     let writing = write(Arc::clone(&desk), outgoing);
     tokio::pin!(writing);
     let end = tokio::select! {
-        end = connection.read(&mut incoming) => end,
+        end = connection.read(&mut incoming, guest) => end,
         () = &mut writing => return,
     };
     match end {
@@ -143,11 +151,25 @@ async fn write(desk: Arc<Desk>, mut outgoing: Outgoing) {
 }
 
 impl Connection {
-    async fn read(&self, incoming: &mut Incoming) -> End {
+    async fn read(&self, incoming: &mut Incoming, guest: Option<Guest>) -> End {
         let Ok(first) = timeout(GREETING, incoming.receive()).await else {
             let text = format!("no Hello within {} s", GREETING.as_secs());
             return Violation::new(FaultCode::OutOfOrder, text).into();
         };
+        // Held for as long as one of so many displays is served.
+        let _place = if matches!(first, Ok(Some(ToServer::Hello { .. }))) {
+            match Arc::clone(&self.shared.places).try_acquire_owned() {
+                Ok(place) => Some(place),
+                Err(_) => {
+                    let text = format!("this server works for {MAX_DISPLAYS} displays already");
+                    return Violation::new(FaultCode::Limit, text).into();
+                }
+            }
+        } else {
+            None
+        };
+        drop(guest);
+        incoming.set_longest(MAX_FRAME);
         let mut waiting = VecDeque::new();
         let mut next = first;
         loop {

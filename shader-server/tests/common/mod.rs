@@ -14,7 +14,7 @@ use protocol::{
     transfer::EncodedScene,
 };
 use rays::Ray;
-use shader_server::{ServerConfig, Shader, Stage, run, shadows::ShadowRays};
+use shader_server::{Entrance, ServerConfig, Shader, Stage, run, shadows::ShadowRays};
 use tokio::{
     io::{ReadHalf, WriteHalf},
     net::{TcpListener, TcpStream},
@@ -126,9 +126,11 @@ impl TestServer {
             ..ServerConfig::default()
         };
         let running = tokio::spawn(async move {
-            run(config, listener, async { stopped.await.unwrap_or(()) })
-                .await
-                .unwrap();
+            run(config, Entrance::Listen(listener), async {
+                stopped.await.unwrap_or(());
+            })
+            .await
+            .unwrap();
         });
         Self {
             address,

@@ -9,6 +9,7 @@ mod bad_input;
 mod edits;
 mod independent;
 mod lockstep;
+mod many;
 mod no_display;
 mod python;
 mod references;

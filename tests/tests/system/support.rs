@@ -128,6 +128,31 @@ impl Running {
         }
     }
 
+    /// Waits for a line that begins with this, on either output, and gives the rest of it.
+    #[track_caller]
+    pub(crate) fn wait_for(&self, beginning: &str) -> String {
+        loop {
+            let texts = ["stdout", "stderr"].map(|name| {
+                let bytes = fs::read(self.folder.path().join(name)).unwrap();
+                String::from_utf8_lossy(&bytes).into_owned()
+            });
+            // A line that is not whole yet has no end.
+            let whole = |line: &&str| line.ends_with('\n');
+            let mut lines = texts
+                .iter()
+                .flat_map(|t| t.split_inclusive('\n').filter(whole));
+            let found = lines.find_map(|line| Some(line.split_once(beginning)?.1));
+            if let Some(rest) = found {
+                return rest.trim_end().to_owned();
+            }
+            assert!(
+                self.start.elapsed() < LIMIT,
+                "it does not say {beginning:?}: {texts:?}"
+            );
+            sleep(Duration::from_millis(5));
+        }
+    }
+
     /// Whether it has not ended yet.
     pub(crate) fn is_running(&mut self) -> bool {
         self.child.try_wait().unwrap().is_none()
