@@ -7,6 +7,8 @@
 //! come in at all, [`doorway`] keeps strangers few. [`limits`] holds every bound. `PROTOCOL.md` beside this crate gives every message to the byte.
 
 pub mod codec;
+#[cfg(feature = "conformance")]
+pub mod conformance;
 pub mod doorway;
 pub mod framing;
 pub mod handshake;

@@ -380,6 +380,18 @@ impl State {
         traced
             .textured
             .retain(|textured| self.rules.release(textured.sample.id));
+        // Before the samples whose tracing met them.
+        if self.current.as_ref().is_some_and(|now| now.epoch == epoch) {
+            traced
+                .triples
+                .retain(|triple| self.triples_sent.insert(*triple));
+            if !traced.triples.is_empty() {
+                self.outgoing.push_back(ToDisplay::Triples {
+                    epoch,
+                    triples: traced.triples,
+                });
+            }
+        }
         if !traced.samples.is_empty() {
             self.outgoing.push_back(ToDisplay::Samples {
                 view,
@@ -393,17 +405,6 @@ impl State {
                 epoch,
                 samples: traced.textured,
             });
-        }
-        if self.current.as_ref().is_some_and(|now| now.epoch == epoch) {
-            traced
-                .triples
-                .retain(|triple| self.triples_sent.insert(*triple));
-            if !traced.triples.is_empty() {
-                self.outgoing.push_back(ToDisplay::Triples {
-                    epoch,
-                    triples: traced.triples,
-                });
-            }
         }
     }
 }
