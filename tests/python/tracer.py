@@ -4,7 +4,7 @@ import copy
 import math
 import random
 
-from wire import LIGHT, MISS, NO_OBJECT
+from wire import LIGHT, MISS, NO_OBJECT, sample
 
 # A light that is not a point is asked in so many places, one in each of as many equal parts.
 PLACES = 4
@@ -37,16 +37,34 @@ def unit(a):
 
 
 class Triangle:
-    """Corners in world space, whose it is, and what it reflects."""
+    """Corners in world space, whose it is, what it reflects, and what bends and colours it."""
 
-    def __init__(self, corners, owner, diffuse):
+    def __init__(self, corners, owner, diffuse, normals=None, texture=None, uvs=None):
         self.corner, second, third = corners
         self.sides = sub(second, self.corner), sub(third, self.corner)
         self.normal = unit(cross(*self.sides))
-        self.owner = owner
-        self.diffuse = diffuse
+        self.owner, self.diffuse = owner, diffuse
+        self.normals, self.texture, self.uvs = normals, texture, uvs
         self.low = tuple(min(c[axis] for c in corners) for axis in range(3))
         self.high = tuple(max(c[axis] for c in corners) for axis in range(3))
+
+    def shares(self, at):
+        """Barycentric coordinates of a place on it."""
+        whole = cross(*self.sides)
+        area, to = dot(whole, whole), sub(at, self.corner)
+        v, w = dot(cross(to, self.sides[1]), whole) / area, dot(cross(self.sides[0], to), whole) / area
+        return 1 - v - w, v, w
+
+    def shading_normal(self, at):
+        if not self.normals:
+            return self.normal
+        return unit(tuple(dot(self.shares(at), c) for c in zip(*self.normals)))
+
+    def reflectance(self, at):
+        if not self.texture or not self.uvs:
+            return self.diffuse
+        uv = (dot(self.shares(at), c) for c in zip(*self.uvs))
+        return tuple(a * b for a, b in zip(self.diffuse, self.texture.look(*uv)))
 
     def distance(self, origin, direction):
         """How far the ray goes to meet it, or None (Moeller and Trumbore 1997)."""
@@ -123,12 +141,48 @@ class Light:
         return add(a, add(scale(sub(b, a), root * (1 - v)), scale(sub(c, a), root * v)))
 
 
+class Texture:
+    """An image, looked up bilinearly."""
+
+    def __init__(self, width, height, rgb):
+        self.width, self.height, self.rgb = width, height, rgb
+
+    def texel(self, x, y):
+        at = 3 * (y % self.height * self.width + x % self.width)
+        return [LINEAR[c] for c in self.rgb[at:at + 3]]
+
+    def look(self, u, v):
+        x, y = u * self.width - 0.5, (1 - v) * self.height - 0.5
+        left, top = math.floor(x), math.floor(y)
+        x, y = x - left, y - top
+        four = ((left, top, (1 - x) * (1 - y)), (left + 1, top, x * (1 - y)),
+                (left, top + 1, (1 - x) * y), (left + 1, top + 1, x * y))
+        return [sum(c) for c in zip(*([c * weight for c in self.texel(i, k)] for i, k, weight in four))]
+
+
+def linear(encoded):
+    """sRGB (IEC 61966-2-1)."""
+    return encoded / 12.92 if encoded <= 0.04045 else ((encoded + 0.055) / 1.055) ** 2.4
+
+
+LINEAR = [linear(c / 255) for c in range(256)]
+
+
+def carried(m, normal):
+    """A normal, by the inverse transpose of a transform: the cofactors of its matrix, and their sign."""
+    rows = m[0:3], m[4:7], m[8:11]
+    cofactors = cross(rows[1], rows[2]), cross(rows[2], rows[0]), cross(rows[0], rows[1])
+    sign = 1 if dot(rows[0], cofactors[0]) > 0 else -1
+    return unit(tuple(sign * dot(c, normal) for c in cofactors))
+
+
 class Scene:
     """The tables of section 5, with what rays need."""
 
     def __init__(self, tables):
         self.ambient, self.background = tables["ambient"], tables["background"]
         self.materials, self.meshes = tables["materials"], tables["meshes"]
+        self.textures = [Texture(**texture) for texture in tables["textures"]]
         self.objects = [dict(o) for o in tables["objects"]]
         self.lights = [Light(*light) for light in tables["lights"]]
         self.build()
@@ -146,9 +200,16 @@ class Scene:
         mesh, m = self.meshes[thing["mesh"]], thing["transform"]
         placed = [tuple(dot(m[4 * row:4 * row + 3], p) + m[4 * row + 3] for row in range(3))
                   for p in mesh["positions"]]
-        materials = mesh["face_materials"] or [thing["material"]] * len(mesh["faces"])
-        for corners, material in zip(mesh["faces"], materials):
-            yield Triangle([placed[i] for i in corners], (0, index), self.materials[material])
+        bent = [carried(m, n) for n in mesh["normals"]]
+        for face, corners in enumerate(mesh["faces"]):
+            material = self.materials[mesh["face_materials"][face] if mesh["face_materials"] else thing["material"]]
+            normals = [bent[i] for i in mesh["face_normals"][face]] if mesh["face_normals"] else None
+            uvs = [mesh["uvs"][i] for i in mesh["face_uvs"][face]] if mesh["face_uvs"] else None
+            texture = None if material["map"] is None else self.textures[material["map"]]
+            triangle = Triangle([placed[i] for i in corners], (0, index), material["diffuse"], normals, texture, uvs)
+            # Without an area it is met by nothing.
+            if any(triangle.normal):
+                yield triangle
 
     def edited(self, objects, lights):
         """A scene of its own, as it is after an edit."""
@@ -178,6 +239,15 @@ class Scene:
                         return best
         return best
 
+    def trace(self, seed, pinhole, requests):
+        """Packed samples of these requests, and the triples that were met."""
+        packed, triples = [], set()
+        for number, x, y, offset in requests:
+            fields, met = self.shade(seed, number, pinhole.eye, pinhole.direction(x + offset[0], y + offset[1]))
+            packed.append(sample(number, *fields))
+            triples |= met
+        return b"".join(packed), triples
+
     def shade(self, seed, number, origin, direction):
         """Fields of a sample, and the triples that were met."""
         found = self.meet(origin, direction, math.inf)
@@ -190,14 +260,16 @@ class Scene:
             shines = dot(sub(origin, light.places[0]), light.normal) > 0
             return (at, index, light.strength if shines else (0.0,) * 3, LIGHT), set()
         normal = triangle.normal if dot(triangle.normal, direction) <= 0 else scale(triangle.normal, -1)
+        bent = triangle.shading_normal(at)
+        bent = bent if dot(bent, normal) >= 0 else scale(bent, -1)
         numbers = random.Random(seed << 64 | number)
-        light, triples = self.reflected(at, normal, triangle, numbers)
+        light, triples = self.reflected(at, normal, bent, triangle, numbers)
         reflected = add(scale(light, 1 / math.pi), self.ambient)
-        radiance = tuple(a * b for a, b in zip(triangle.diffuse, reflected))
+        radiance = tuple(min(a * b, 1e9) for a, b in zip(triangle.reflectance(at), reflected))
         return (at, index, radiance, 0), triples
 
-    def reflected(self, at, normal, triangle, numbers):
-        """Irradiance from all lights, and the triples that were met."""
+    def reflected(self, at, normal, bent, triangle, numbers):
+        """Irradiance from all lights by the normal that shades, and the triples that were met."""
         total, triples = (0.0,) * 3, set()
         for index, light in enumerate(self.lights):
             for place, weight in light.samples(numbers):
@@ -205,10 +277,10 @@ class Scene:
                 squared = dot(to, to)
                 distance = math.sqrt(squared)
                 towards = scale(to, 1 / distance) if distance else to
-                cosine = dot(towards, normal)
+                cosine = dot(towards, bent)
                 if light.kind == 2:
                     weight *= -dot(towards, light.normal)
-                if cosine <= 0 or weight <= 0:
+                if cosine <= 0 or weight <= 0 or dot(towards, normal) <= 0:
                     continue
                 blocker = self.meet(at, towards, distance * (1 - 1e-5), triangle, True)
                 if blocker is None:

@@ -3,6 +3,8 @@
 import struct
 
 MAX_FRAME = 2 * 1024 * 1024
+# Bytes of a packed sample.
+SAMPLE = 40
 MISS, VIEW_DEPENDENT, PROVISIONAL, LIGHT = 1, 2, 4, 8
 NO_OBJECT = 0xFFFFFFFF
 FAULTS = ("Version", "Malformed", "OutOfOrder", "Limit", "Value", "Unsupported", "Internal")
@@ -127,20 +129,26 @@ class Reader:
     """Takes values off the front of a payload."""
 
     def __init__(self, payload):
-        self.rest = payload
+        self.payload, self.at = payload, 0
+
+    def left(self):
+        return len(self.payload) - self.at
 
     def take(self, count):
-        if count > len(self.rest):
-            raise Surprise(f"a message ends {count - len(self.rest)} bytes early")
-        taken, self.rest = self.rest[:count], self.rest[count:]
-        return taken
+        if count > self.left():
+            raise Surprise(f"a message ends {count - self.left()} bytes early")
+        self.at += count
+        return self.payload[self.at - count:self.at]
 
     def unpack(self, form):
         values = struct.unpack("<" + form, self.take(struct.calcsize("<" + form)))
         return values[0] if len(values) == 1 else values
 
     def text(self):
-        return self.take(self.unpack("Q")).decode("utf-8")
+        try:
+            return self.take(self.unpack("Q")).decode("utf-8")
+        except UnicodeDecodeError as error:
+            raise Surprise(f"a text is no UTF-8: {error}") from None
 
     def boolean(self):
         value = self.unpack("B")
@@ -148,12 +156,24 @@ class Reader:
             raise Surprise(f"{value} is no bool")
         return value == 1
 
+    def variant(self, count):
+        value = self.unpack("I")
+        if value >= count:
+            raise Surprise(f"variant {value} does not exist")
+        return value
+
     def count(self, size):
-        """Length of a list whose elements take `size` bytes each."""
+        """Length of a list whose elements take `size` bytes each, at least."""
         count = self.unpack("Q")
-        if count * size > len(self.rest):
+        if count * size > self.left():
             raise Surprise(f"a list claims {count} elements")
         return count
+
+    def rows(self, form):
+        """A list of elements of this form: tuples, or numbers where it has but one."""
+        size = struct.calcsize("<" + form)
+        rows = struct.iter_unpack("<" + form, self.take(self.count(size) * size))
+        return [row[0] for row in rows] if len(form) == 1 else list(rows)
 
 
 def _welcome(r):
@@ -206,10 +226,7 @@ def _status(r):
 
 
 def _fault(r):
-    code = r.unpack("I")
-    if code >= len(FAULTS):
-        raise Surprise(f"fault code {code} does not exist")
-    return {"code": FAULTS[code], "text": r.text()}
+    return {"code": FAULTS[r.variant(len(FAULTS))], "text": r.text()}
 
 
 TO_DISPLAY = (
@@ -233,8 +250,8 @@ def _whole(payload, messages):
         raise Surprise(f"message {variant} does not exist")
     name, unpack = messages[variant]
     fields = unpack(reader)
-    if reader.rest:
-        raise Surprise(f"{len(reader.rest)} bytes after {name}")
+    if reader.left():
+        raise Surprise(f"{reader.left()} bytes after {name}")
     return name, fields
 
 
@@ -262,14 +279,9 @@ def _request(r):
 
 def _light(r):
     """(variant, places, strength)."""
-    variant = r.unpack("I")
-    if variant == 0:
-        return variant, [r.unpack("3f")], r.unpack("3f")
-    if variant == 1:
-        return variant, [r.unpack("3f"), r.unpack("3f")], r.unpack("3f")
-    if variant == 2:
-        return variant, [r.unpack("3f") for _ in range(r.count(12))], r.unpack("3f")
-    raise Surprise(f"light {variant} does not exist")
+    variant = r.variant(3)
+    points = r.rows("3f") if variant == 2 else [r.unpack("3f") for _ in range(variant + 1)]
+    return variant, points, r.unpack("3f")
 
 
 def _edit(r):
@@ -283,7 +295,7 @@ def _edit(r):
 def _wish(r):
     return {
         "steady": r.boolean(), "error": r.unpack("f"),
-        "methods": [r.unpack("I") for _ in range(r.count(4))],
+        "methods": [r.variant(4) for _ in range(r.count(4))],
     }
 
 
@@ -309,51 +321,47 @@ def unpack_to_server(payload):
 
 
 def _material(r):
-    """Diffuse reflectance; the rest is read and left."""
     r.text()
     diffuse = r.unpack("3f")
-    if r.boolean():
-        r.unpack("I")
-    r.unpack("4f")
-    return diffuse
+    texture = r.unpack("I") if r.boolean() else None
+    return {"diffuse": diffuse, "map": texture, "specular": r.unpack("3f"), "roughness": r.unpack("f")}
+
+
+def _texture(r):
+    return {"width": r.unpack("I"), "height": r.unpack("I"), "rgb": r.take(3 * r.count(3))}
 
 
 def _mesh(r):
-    tables = {"positions": [r.unpack("3f") for _ in range(r.count(12))],
-              "faces": [r.unpack("3I") for _ in range(r.count(12))]}
-    for form, size in (("3f", 12), ("3I", 12), ("2f", 8), ("3I", 12)):
-        for _ in range(r.count(size)):
-            r.unpack(form)
-    tables["face_materials"] = [r.unpack("I") for _ in range(r.count(4))]
-    return tables
+    return {"positions": r.rows("3f"), "faces": r.rows("3I"), "normals": r.rows("3f"), "face_normals": r.rows("3I"),
+            "uvs": r.rows("2f"), "face_uvs": r.rows("3I"), "face_materials": r.rows("I")}
+
+
+def _object(r):
+    return {"name": r.text(), "mesh": r.unpack("I"), "material": r.unpack("I"),
+            "transform": r.unpack("12f"), "crease_angle": r.unpack("f")}
+
+
+MODELS = ("direct", "glossy", "global")
 
 
 def unpack_scene(data):
-    """The tables of section 5, as far as direct light and diffuse reflection need them."""
+    """The tables of section 5."""
     r = Reader(data)
-    if r.unpack("I") > 2:
-        raise Surprise("this shading model does not exist")
-    tables = {"ambient": r.unpack("3f"), "background": r.unpack("3f"),
-              "lights": [_light(r) for _ in range(r.count(32))],
-              "materials": [_material(r) for _ in range(r.count(37))]}
-    for _ in range(r.count(16)):
-        r.unpack("2I")
-        r.take(3 * r.count(3))
-    tables["meshes"] = [_mesh(r) for _ in range(r.count(56))]
-    tables["objects"] = [
-        {"name": r.text(), "mesh": r.unpack("I"), "material": r.unpack("I"),
-         "transform": r.unpack("12f"), "crease_angle": r.unpack("f")} for _ in range(r.count(68))]
-    if r.rest:
-        raise Surprise(f"{len(r.rest)} bytes after the scene")
+    tables = {"model": MODELS[r.variant(3)], "ambient": r.unpack("3f"), "background": r.unpack("3f")}
+    for name, unpack, least in (("lights", _light, 28), ("materials", _material, 37), ("textures", _texture, 16),
+                                ("meshes", _mesh, 56), ("objects", _object, 68)):
+        tables[name] = [unpack(r) for _ in range(r.count(least))]
+    if r.left():
+        raise Surprise(f"{r.left()} bytes after the scene")
     return tables
 
 
 # Server to display, packed.
 
-def welcome(version, name, shader, credits, max_batch):
-    """Of a server with one thread that reports triples, takes edits and holds no scene."""
+def welcome(version, name, shader, credits, max_batch, holds):
+    """Of a server with one thread that reports triples and takes edits."""
     return (u32(0) + u16(version) + text(name) + text(shader) + u32(credits) + u32(max_batch)
-            + b"\1\1" + u32(1) + u64(0))
+            + b"\1\1" + u32(1) + listing(holds))
 
 
 def scene_ready(digest):
@@ -364,8 +372,9 @@ def sample(number, position, thing, radiance, flags):
     return u64(number) + floats(*position) + u32(thing) + floats(*radiance) + u32(flags)
 
 
-def samples(view_number, epoch, packed):
-    return u32(2) + u32(view_number) + u32(epoch) + listing(packed)
+def samples(view_number, epoch, count, packed):
+    """So many samples, packed one after another."""
+    return u32(2) + u32(view_number) + u32(epoch) + u64(count) + packed
 
 
 def triples(epoch, found):

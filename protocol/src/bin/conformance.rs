@@ -96,7 +96,7 @@ fn run(args: Args) -> Result<bool, Error> {
             } else {
                 Stdio::inherit()
             };
-            let launched = Launched::start(&args.shader, secret_file, messages, timeout)?;
+            let launched = Launched::start(&args.shader, secret_file, messages)?;
             (launched.address(), Some(launched))
         }
     };

@@ -9,6 +9,9 @@ use std::sync::mpsc;
 use std::thread;
 use std::time::Duration;
 
+/// Time in which a server has to say where it listens. Interpreters and their modules take long to load.
+const START: Duration = Duration::from_secs(60);
+
 /// What a server's first line of output says before its address.
 const ANNOUNCEMENT: &str = "listening on ";
 
@@ -34,7 +37,7 @@ pub enum LaunchError {
         /// What it said.
         line: String,
         /// Time it was given.
-        seconds: f32,
+        seconds: u64,
     },
 }
 
@@ -55,7 +58,6 @@ impl Launched {
         command: &[OsString],
         secret_file: Option<&Path>,
         messages: Stdio,
-        timeout: Duration,
     ) -> Result<Self, LaunchError> {
         let (program, args) = match command {
             [program, args @ ..] => (program.clone(), args),
@@ -85,7 +87,7 @@ impl Launched {
                 }
             });
         }
-        let line = receive.recv_timeout(timeout).unwrap_or_default();
+        let line = receive.recv_timeout(START).unwrap_or_default();
         let address = line.strip_prefix(ANNOUNCEMENT).and_then(|a| a.parse().ok());
         let mut launched = Self {
             child,
@@ -97,7 +99,7 @@ impl Launched {
                 return Err(LaunchError::Silent {
                     program,
                     line,
-                    seconds: timeout.as_secs_f32(),
+                    seconds: START.as_secs(),
                 });
             }
         }

@@ -1,13 +1,14 @@
 //! Lengths and counts above what was agreed.
 
-use std::time::Duration;
+use std::time::Instant;
 
+use crate::framing::frame;
 use crate::limits::{MAX_FRAME, MAX_MOVES, MAX_TEXT};
 use crate::messages::FaultCode::{Limit, Malformed, Value};
-use crate::messages::{FaultCode, ObjectMove, ToServer};
+use crate::messages::{FaultCode, ObjectMove, ToDisplay, ToServer};
 
-use super::check::{At, Check, refused, skipped};
-use super::peer::Peer;
+use super::check::{At, Check, failed, refused, skipped};
+use super::peer::{Came, Peer, describe};
 use super::world::{block_at, camera, spread};
 use super::{Bench, Checked};
 
@@ -57,22 +58,37 @@ fn batch(bench: &Bench) -> Checked {
     peer.expect_fault(&[Limit])
 }
 
-/// Four times the credits at once: more than a server can answer before it has read them.
+/// Four times the credits at once, and a ping. A server that answers it while it still holds more than its credits has let that pass.
 fn credits(bench: &Bench) -> Checked {
     let mut peer = Peer::ready(bench, &bench.worlds.lit)?;
     let credits = peer.credits()?;
     if credits > MOST {
         return skipped(format!("{credits} credits are too many to use up"));
     }
-    // A server that has faulted need not read the rest.
-    peer.set_write_timeout(Duration::from_secs(2));
     let requests = spread(&camera(), 0..4 * credits as u64);
-    let mut bytes = Vec::new();
-    for message in peer.requests(1, &requests) {
-        bytes.extend(crate::framing::frame(&message).unwrap_or_default());
+    let mut messages = peer.requests(1, &requests);
+    peer.expecting_pong(1);
+    messages.push(ToServer::Ping { token: 1 });
+    let bytes = messages
+        .iter()
+        .flat_map(|message| frame(message).unwrap_or_default())
+        .collect();
+    peer.send_in_background(bytes);
+    let deadline = Instant::now() + bench.options.timeout;
+    loop {
+        match peer.next_by(deadline)? {
+            Came::Message(ToDisplay::Fault { code: Limit, .. }) => return Ok(()),
+            Came::Message(ToDisplay::Pong { .. }) => break,
+            Came::Message(message) if !matches!(message, ToDisplay::Fault { .. }) => {}
+            came => return failed("Fault Limit", describe(&came, bench.options.timeout)),
+        }
     }
-    peer.send_bytes(&bytes);
-    peer.expect_fault(&[Limit])
+    let held = requests.len() - peer.answered();
+    if held > credits {
+        let came = format!("nothing with {held} requests outstanding");
+        return failed(format!("Fault Limit at more than {credits}"), came);
+    }
+    skipped("the server answers as fast as it reads, and never holds too many")
 }
 
 /// As many as there are credits are taken and answered, twice.

@@ -261,8 +261,13 @@ impl Peer {
         self.send(&ToServer::Cancel { views_before });
     }
 
-    pub(super) fn ping(&mut self, token: u64) {
+    /// Notes a `Ping` that is sent in some other way.
+    pub(super) fn expecting_pong(&mut self, token: u64) {
         self.session.pinged(token);
+    }
+
+    pub(super) fn ping(&mut self, token: u64) {
+        self.expecting_pong(token);
         self.send(&ToServer::Ping { token });
     }
 
@@ -515,6 +520,16 @@ impl Peer {
     /// Sends bytes as they are. False if they cannot be sent.
     pub(super) fn send_bytes(&mut self, bytes: &[u8]) -> bool {
         self.stream.write_all(bytes).is_ok()
+    }
+
+    /// Sends bytes while this side reads on, until they are sent or the connection ends.
+    pub(super) fn send_in_background(&mut self, bytes: Vec<u8>) {
+        // Without a second handle nothing is sent, and the answers that are waited for do not come.
+        if let Ok(mut stream) = self.stream.try_clone() {
+            std::thread::spawn(move || {
+                let _ = stream.write_all(&bytes);
+            });
+        }
     }
 
     /// Sends a payload in a frame of its length.

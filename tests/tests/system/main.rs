@@ -6,6 +6,7 @@
 )]
 
 mod bad_input;
+mod conformance;
 mod edits;
 mod independent;
 mod lockstep;

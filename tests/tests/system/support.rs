@@ -19,6 +19,7 @@ pub(crate) const LIMIT: Duration = Duration::from_secs(120);
 pub(crate) struct Binaries {
     pub(crate) renderer: PathBuf,
     pub(crate) shader_server: PathBuf,
+    pub(crate) conformance: PathBuf,
 }
 
 /// The binaries of this test's own profile, brought up to date once: cargo names only a package's own binaries to its tests.
@@ -27,31 +28,27 @@ pub(crate) fn binaries() -> &'static Binaries {
     BUILT.get_or_init(|| {
         let own = std::env::current_exe().unwrap();
         let profile = own.ancestors().nth(2).unwrap();
-        let mut build = Command::new(env!("CARGO"));
-        build.args([
-            "build",
-            "--locked",
-            "--quiet",
-            "-p",
-            "renderer",
-            "-p",
-            "shader-server",
-            "--target-dir",
-        ]);
-        build
-            .arg(profile.parent().unwrap())
-            .current_dir(places::checkout());
-        if profile.ends_with("release") {
-            build.arg("--release");
+        // The command is built apart, so that its features are not those of the others.
+        for packages in [&["renderer", "shader-server"][..], &["protocol"]] {
+            let mut build = Command::new(env!("CARGO"));
+            build.args(["build", "--locked", "--quiet", "--target-dir"]);
+            build
+                .arg(profile.parent().unwrap())
+                .args(packages.iter().flat_map(|package| ["-p", package]))
+                .current_dir(places::checkout());
+            if profile.ends_with("release") {
+                build.arg("--release");
+            }
+            assert!(
+                build.status().unwrap().success(),
+                "the binaries cannot be built"
+            );
         }
-        assert!(
-            build.status().unwrap().success(),
-            "the binaries cannot be built"
-        );
         let at = |name: &str| profile.join(format!("{name}{}", std::env::consts::EXE_SUFFIX));
         Binaries {
             renderer: at("renderer"),
             shader_server: at("shader-server"),
+            conformance: at("conformance"),
         }
     })
 }
