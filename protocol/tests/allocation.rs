@@ -37,6 +37,46 @@ fn claims_do_not_allocate() {
     }
     hostile_lengths_anywhere_in_a_scene();
     announced_scenes();
+    entries_of_traces();
+}
+
+/// Entries that claim more bytes than the file has, or than any may have.
+fn entries_of_traces() {
+    use protocol::trace::{Entry, Event, Header, TraceReader, TraceWriter};
+    let header = Header {
+        seed: 0,
+        digest: [0; 32],
+        scene_bytes: u64::MAX,
+        program: String::new(),
+        options: String::new(),
+    };
+    let mut bytes = Vec::new();
+    let mut writer = TraceWriter::new(&mut bytes, &header).unwrap();
+    let frame = vec![0; 3000].into();
+    let event = Event::Received {
+        connection: 1,
+        frame,
+    };
+    writer.write(Entry { time_us: 0, event }).unwrap();
+    let entry = bytes.len() - 3000 - 24;
+    for (place, claim) in [
+        (entry, 64 << 20),
+        (entry, u32::MAX),
+        (12, 1 << 20),
+        (12, u32::MAX),
+    ] {
+        let mut bytes = bytes.clone();
+        bytes[place..place + 4].copy_from_slice(&claim.to_le_bytes());
+        let peak = peak_during(|| {
+            if let Ok(mut reader) = TraceReader::new(&bytes[..]) {
+                assert_eq!(reader.next_entry().unwrap(), None);
+            }
+        });
+        assert!(
+            peak < 100_000,
+            "{peak} bytes for a claim of {claim} at {place}"
+        );
+    }
 }
 
 fn hostile_lengths_anywhere_in_a_scene() {

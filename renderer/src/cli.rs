@@ -30,6 +30,10 @@ pub struct Cli {
 pub enum Command {
     /// Render frames to files, without a window
     Render(Box<RenderArgs>),
+    /// Record a session as a trace: every frame between display and shader servers, and what the display does with it
+    Record(RecordArgs),
+    /// Replay a trace: draw its pictures again, serve it to a display, or play its display to a shader server
+    Replay(Box<ReplayArgs>),
     /// Run as a shader server (what the display starts by itself)
     #[command(name = "shader-server", disable_help_flag = true, hide = true)]
     ShaderServer {
@@ -37,6 +41,61 @@ pub enum Command {
         #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
         args: Vec<std::ffi::OsString>,
     },
+}
+
+/// Options of `record`.
+#[derive(Args, Clone, Debug)]
+pub struct RecordArgs {
+    /// File for the trace
+    pub trace: PathBuf,
+    /// What to record: `render` with its arguments, or those of the window
+    #[arg(
+        trailing_var_arg = true,
+        allow_hyphen_values = true,
+        value_name = "COMMAND"
+    )]
+    pub command: Vec<std::ffi::OsString>,
+}
+
+/// Options of `replay`.
+#[derive(Args, Clone, Debug)]
+#[command(group = clap::ArgGroup::new("what").required(true).args(["out", "listen", "connect"]))]
+pub struct ReplayArgs {
+    /// The trace
+    pub trace: PathBuf,
+    /// Draw the recorded pictures again into this directory, from the trace alone and the same to the bit
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Serve the recorded answers to displays that connect here; port 0 for any free port
+    #[arg(long, value_name = "ADDR")]
+    pub listen: Option<SocketAddr>,
+    /// Play the recorded display to these shader servers and compare their answers
+    #[arg(long, num_args = 1.., value_name = "ADDR")]
+    pub connect: Vec<String>,
+    /// Keep the recorded timing
+    #[arg(long)]
+    pub real_time: bool,
+    /// Also write linear radiance as OpenEXR
+    #[arg(long, requires = "out")]
+    pub exr: bool,
+    /// Which frames become files: all, last, none or every:N
+    #[arg(long, default_value = "all", value_parser = parse_write, value_name = "WHICH")]
+    pub write: Write,
+    /// What the frames show: the picture or a stage of its making
+    #[arg(long, value_enum, default_value_t, value_name = "STAGE")]
+    pub show: Show,
+    /// Threads of the display
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: u16,
+    /// Write a JSON line a frame here
+    #[arg(long, value_name = "FILE", requires = "out")]
+    pub stats: Option<PathBuf>,
+    /// Serve one display, and exit when it has left
+    #[arg(long, requires = "listen")]
+    pub once: bool,
+    /// Exit when standard input closes
+    #[arg(long, requires = "listen", hide = true)]
+    pub parent_stdin: bool,
 }
 
 /// Where samples come from.

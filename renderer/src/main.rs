@@ -1,25 +1,32 @@
 //! The display's program.
 
+use std::ffi::OsString;
 use std::io::Write as _;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::Parser;
-use renderer::cli::{Cli, Command, DEFAULT_SCENE, RenderArgs, ServerArgs, WindowArgs};
+use renderer::cli::{
+    Cli, Command, DEFAULT_SCENE, RecordArgs, RenderArgs, ReplayArgs, ServerArgs, WindowArgs,
+};
 use renderer::config::Method;
 use renderer::headless::{self, Subject};
 use renderer::servers::Servers;
+use renderer::traces::{self, Recorded, Recording};
 use renderer::window::{self, WindowError};
 use scenes::LoadedScene;
 
 /// Exit code for input that cannot be used, as for a wrong command line.
 const BAD_INPUT: u8 = 2;
 
+/// Exit code for a replay whose pictures are not the recorded ones, or a server that broke a rule.
+const NOT_THE_SAME: u8 = 1;
+
 fn main() -> ExitCode {
     let cli = Cli::parse();
     if let Some(Command::ShaderServer { args }) = cli.command {
-        let name = std::ffi::OsString::from("shader-server");
+        let name = OsString::from("shader-server");
         return shader_server::main_from_args(std::iter::once(name).chain(args));
     }
     tracing_subscriber::fmt()
@@ -31,16 +38,73 @@ fn main() -> ExitCode {
         .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))
         .init();
     let result = match cli.command {
-        Some(Command::Render(args)) => open(&args.scene).and_then(|scene| render(scene, &args)),
-        Some(Command::ShaderServer { .. }) | None => show(&cli.window),
+        Some(Command::Record(args)) => record(&args).map(|()| ExitCode::SUCCESS),
+        Some(Command::Replay(args)) => replay(&args),
+        command => run(command, &cli.window).map(|()| ExitCode::SUCCESS),
     };
     match result {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(code) => code,
         Err(error) => {
             eprintln!("error: {error:#}");
             ExitCode::from(BAD_INPUT)
         }
     }
+}
+
+/// Renders or opens a window.
+fn run(command: Option<Command>, window: &WindowArgs) -> Result<()> {
+    match command {
+        Some(Command::Render(args)) => open(&args.scene).and_then(|scene| render(scene, &args)),
+        _ => show(window),
+    }
+}
+
+/// Does what the arguments say and records it.
+fn record(args: &RecordArgs) -> Result<()> {
+    let typed = std::iter::once(OsString::from("renderer record TRACE"));
+    let mut cli = Cli::try_parse_from(typed.chain(args.command.iter().cloned()))
+        .unwrap_or_else(|error| error.exit());
+    let servers = match &mut cli.command {
+        None => &mut cli.window.servers,
+        Some(Command::Render(render)) => &mut render.servers,
+        Some(_) => {
+            bail!("what is to be recorded? give `render` and its arguments, or those of the window")
+        }
+    };
+    let words = args.command.iter().map(|word| word.to_string_lossy());
+    let options = serde_json::json!({ "arguments": words.collect::<Vec<_>>() });
+    let recording = Recording::create(&args.trace, options.to_string())?;
+    servers.recorder = Some(recording.recorder());
+    let done = run(cli.command, &cli.window);
+    let recorded = recording.finish();
+    done?;
+    let Recorded { bytes, frames } = recorded?;
+    // Whoever reads this may have stopped reading: that is no failure of the trace.
+    let _ = writeln!(
+        std::io::stdout(),
+        "recorded {frames} pictures in {bytes} bytes: {}",
+        args.trace.display()
+    );
+    Ok(())
+}
+
+/// Draws, serves or plays a trace.
+fn replay(args: &ReplayArgs) -> Result<ExitCode> {
+    let trace = &args.trace;
+    let same = if let Some(out) = &args.out {
+        let redrawn = traces::draw(trace, out, args)?;
+        let _ = writeln!(std::io::stdout(), "{redrawn}");
+        redrawn.differing.is_empty()
+    } else if let Some(address) = args.listen {
+        traces::serve(trace, address, args)?
+    } else {
+        traces::play(trace, &args.connect, args.real_time)?
+    };
+    Ok(if same {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::from(NOT_THE_SAME)
+    })
 }
 
 /// Opens a window, or, where there is no display server, says so and renders along the scene's first path.

@@ -158,6 +158,8 @@ pub enum Step {
         /// Where the camera is expected to be next.
         next: Option<Camera>,
     },
+    /// A frame passes without a picture of the display's: something else is shown.
+    Passed,
 }
 
 /// Samples with consecutive ids, all received on one connection.

@@ -21,7 +21,7 @@ use crate::show::{Stages, show};
 use crate::tone::ToneMap;
 use crate::traces::{picture_digest, planned, shaped};
 pub use flight::Flight;
-use output::Output;
+pub(crate) use output::{Files, Output};
 pub use output::{OutputError, write_exr, write_png};
 
 /// Share of the pixels that are asked for in a frame unless told otherwise: the paper's 1-3 %.
@@ -89,7 +89,13 @@ pub fn render(
     servers: &mut Servers,
 ) -> Result<Summary, RenderError> {
     let mut flight = Flight::new(subject, args)?;
-    let mut output = Output::new(args)?;
+    let mut output = Output::new(&Files {
+        out: &args.out,
+        write: args.write,
+        exr: args.exr,
+        frames: args.frames,
+        stats: args.stats.as_deref(),
+    })?;
     let start = Instant::now();
     let mut totals = Vec::with_capacity(args.frames);
     let (mut samples, mut explanation) = (0, None);

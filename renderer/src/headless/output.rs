@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 
-use crate::cli::{RenderArgs, Write};
+use crate::cli::Write;
 use crate::epi::grid::Grid;
 use crate::stats::FrameStats;
 
@@ -27,9 +27,24 @@ impl OutputError {
     }
 }
 
+/// Which files are wanted.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Files<'a> {
+    /// Folder of the frames.
+    pub(crate) out: &'a Path,
+    /// Which frames become files.
+    pub(crate) write: Write,
+    /// Whether linear radiance does, too.
+    pub(crate) exr: bool,
+    /// How many frames there will be.
+    pub(crate) frames: usize,
+    /// File for statistics.
+    pub(crate) stats: Option<&'a Path>,
+}
+
 /// Where frames go.
 #[derive(Debug)]
-pub(super) struct Output {
+pub(crate) struct Output {
     dir: PathBuf,
     write: Write,
     exr: bool,
@@ -43,17 +58,17 @@ impl Output {
     ///
     /// # Errors
     /// If either cannot be made.
-    pub(super) fn new(args: &RenderArgs) -> Result<Self, OutputError> {
-        std::fs::create_dir_all(&args.out).map_err(|e| OutputError::new(&args.out, &e))?;
-        let stats = args.stats.as_ref().map(|path| {
+    pub(crate) fn new(files: &Files<'_>) -> Result<Self, OutputError> {
+        std::fs::create_dir_all(files.out).map_err(|e| OutputError::new(files.out, &e))?;
+        let stats = files.stats.map(|path| {
             let file = File::create(path).map_err(|e| OutputError::new(path, &e))?;
-            Ok((path.clone(), BufWriter::new(file)))
+            Ok((path.to_owned(), BufWriter::new(file)))
         });
         Ok(Self {
-            dir: args.out.clone(),
-            write: args.write,
-            exr: args.exr,
-            frames: args.frames,
+            dir: files.out.to_owned(),
+            write: files.write,
+            exr: files.exr,
+            frames: files.frames,
             stats: stats.transpose()?,
             last_file: None,
         })
@@ -64,7 +79,7 @@ impl Output {
     ///
     /// # Errors
     /// If a file cannot be written.
-    pub(super) fn frame(
+    pub(crate) fn frame(
         &mut self,
         frame: usize,
         grid: Grid,
@@ -88,7 +103,7 @@ impl Output {
     ///
     /// # Errors
     /// If it cannot be written.
-    pub(super) fn stats(&mut self, stats: &FrameStats) -> Result<(), OutputError> {
+    pub(crate) fn stats(&mut self, stats: &FrameStats) -> Result<(), OutputError> {
         let Some((path, file)) = &mut self.stats else {
             return Ok(());
         };

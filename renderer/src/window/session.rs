@@ -143,6 +143,8 @@ impl Session {
                 view: self.number,
                 camera: *camera,
             });
+        } else {
+            self.servers.note(|| Step::Passed);
         }
         self.paint(what);
         self.ask(frame_s, next)?;
