@@ -122,6 +122,12 @@ fn tags_are_those_of_the_document() {
         hex,
         "0320efd7c4b52fafb8369bbbe8afe9d37472094255fe4bcfb11acf39a3faceb3"
     );
+    let document = include_str!("../PROTOCOL.md");
+    for role in [Role::Display, Role::ShaderServer] {
+        let tag = secret("0123456789abcdef").tag(role, &[1; 32], &[2; 32]);
+        let hex: String = tag.iter().map(|byte| format!("{byte:02x}")).collect();
+        assert!(document.contains(&hex), "{hex}");
+    }
 }
 
 #[test]

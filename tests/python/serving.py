@@ -72,7 +72,7 @@ def split(address):
 
 
 def prove(connection, secret, accepted):
-    """Both sides show that they know the secret, before any message (section 8)."""
+    """Both sides show that they know the secret, before any message (section 9)."""
     deadline = time.monotonic() + PROOF
 
     def exactly(count):
