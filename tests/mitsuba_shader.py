@@ -6,7 +6,7 @@
 %s
     --spp N               paths averaged in a sample (default 1)
     --depth N             most segments of a path from eye to light (default by the scene's model: direct 2, glossy 3, global 6)
-    --portion N           samples traced together at most (default 4096)
+    --portion N           samples traced together at most (default 16384)
     --threads N           threads that trace rays (default: one a processor)
 
 Needs `pip install mitsuba==3.9.1 numpy` (and blake3, if it is to be quick with large scenes) and LLVM 17 or newer, such as
@@ -20,7 +20,8 @@ import sys
 
 sys.dont_write_bytecode = True
 HERE = pathlib.Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE / "python"), str(HERE / "mitsuba")]
+# Instead of this folder, whose own `mitsuba` is not the package.
+sys.path[:1] = [str(HERE / "python"), str(HERE / "mitsuba")]
 
 import serving  # noqa: E402 (modules of this folder, once they can be found)
 
@@ -74,7 +75,7 @@ class Shader:
     credits, max_batch = 1 << 16, 1 << 15
 
     def __init__(self, paths, options):
-        self.paths, self.portion = paths, options.get("portion") or 4096
+        self.paths, self.portion = paths, options.get("portion") or 16384
         self.spp, self.depth = options.get("spp") or 1, options.get("depth")
         self.says = f"Mitsuba 3 path tracing, {self.spp} paths a sample"
 

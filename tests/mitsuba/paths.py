@@ -226,8 +226,11 @@ class Scene:
         receiver, found = np.array(seen.index), set()
         for light, blocker, blocked in met:
             which = np.flatnonzero(np.array(blocked))
-            rows = np.stack([np.broadcast_to(np.array(light), receiver.shape)[which], np.array(blocker)[which], receiver[which]])
-            found.update(map(tuple, np.unique(rows, axis=1).T.tolist()))
+            lights = np.broadcast_to(np.array(light), receiver.shape)[which].astype(np.uint64)
+            # Tables have at most 2^20 objects and 2^16 lights.
+            keys = lights << np.uint64(40) | np.array(blocker)[which].astype(np.uint64) << np.uint64(20) | receiver[which]
+            ones = (1 << 20) - 1
+            found.update((key >> 40, key >> 20 & ones, key & ones) for key in np.unique(keys).tolist())
         return found
 
 

@@ -323,10 +323,13 @@ class Session:
     def take(self):
         if not self.waiting:
             return 0, None, []
-        view, pinhole, samples = self.waiting[0]
-        portion = [samples.popleft() for _ in range(min(self.shader.portion, len(samples)))]
-        if not samples:
-            self.waiting.popleft()
+        view, pinhole, _ = self.waiting[0]
+        portion = []
+        while self.waiting and self.waiting[0][0] == view and len(portion) < self.shader.portion:
+            samples = self.waiting[0][2]
+            portion += [samples.popleft() for _ in range(min(self.shader.portion - len(portion), len(samples)))]
+            if not samples:
+                self.waiting.popleft()
         return view, pinhole, portion
 
     def built(self, data):

@@ -270,11 +270,7 @@ def _camera(r):
 
 
 def _request(r):
-    return {
-        "view": r.unpack("I"),
-        "samples": [(r.unpack("Q"), r.unpack("H"), r.unpack("H"), r.unpack("2f"))
-                    for _ in range(r.count(20))],
-    }
+    return {"view": r.unpack("I"), "samples": [(number, x, y, (u, v)) for number, x, y, u, v in r.rows("QHHff")]}
 
 
 def _light(r):

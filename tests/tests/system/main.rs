@@ -11,6 +11,7 @@ mod edits;
 mod independent;
 mod lockstep;
 mod many;
+mod mitsuba;
 mod no_display;
 mod python;
 mod references;
