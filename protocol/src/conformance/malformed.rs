@@ -14,7 +14,7 @@ const BYTES: &str = "1, Bytes";
 pub(super) fn checks() -> Vec<Check> {
     let payload = |name, at, make: fn() -> Vec<u8>| {
         refused(name, BYTES, at, &[Malformed], move |peer| {
-            peer.send_payload(&make())
+            peer.send_payload(&make());
         })
     };
     vec![

@@ -51,13 +51,13 @@ pub(super) fn checks() -> Vec<Check> {
         Check::new("requests.same-twice", ANSWERS, same_twice),
         asked("requests.none", &[Limit, Value], Vec::clear),
         asked("requests.outside-image", &[Value], |samples| {
-            samples[19].x = 64
+            samples[19].x = 64;
         }),
         asked("requests.below-image", &[Value], |samples| {
-            samples[19].y = 48
+            samples[19].y = 48;
         }),
         asked("requests.offset-1", &[Value], |samples| {
-            samples[3].offset[0] = 1.0
+            samples[3].offset[0] = 1.0;
         }),
         asked("requests.offset-negative", &[Value], |samples| {
             samples[3].offset[1] = -1e-6;
@@ -66,7 +66,7 @@ pub(super) fn checks() -> Vec<Check> {
             samples[3].offset[1] = f32::NAN;
         }),
         asked("requests.id-twice", &[Value], |samples| {
-            samples[3].id = samples[4].id
+            samples[3].id = samples[4].id;
         }),
         refused(
             "requests.before-scene",

@@ -52,7 +52,7 @@ pub(super) fn checks() -> Vec<Check> {
             chunk(peer, &[]);
         }),
         wrong("scene.chunk-unannounced", &[OutOfOrder], |peer, bytes| {
-            chunk(peer, bytes)
+            chunk(peer, bytes);
         }),
         wrong("scene.begun-twice", &[OutOfOrder], |peer, bytes| {
             begin(peer, blake3::hash(bytes).into(), bytes.len() as u64);

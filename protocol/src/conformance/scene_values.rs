@@ -18,7 +18,7 @@ const CHANGES: [(&str, Change); 26] = [
     ("material-past-table", |s| s.objects[0].material = 2),
     ("map-past-table", |s| s.materials[0].diffuse_map = Some(0)),
     ("face-material-past-table", |s| {
-        s.meshes[0].face_materials = vec![0, 2]
+        s.meshes[0].face_materials = vec![0, 2];
     }),
     ("normal-past-table", |s| {
         s.meshes[0].normals = vec![[0.0, 1.0, 0.0]];
@@ -30,11 +30,11 @@ const CHANGES: [(&str, Change); 26] = [
     }),
     ("position-nan", |s| s.meshes[0].positions[1][1] = f32::NAN),
     ("position-infinite", |s| {
-        s.meshes[0].positions[1][1] = f32::INFINITY
+        s.meshes[0].positions[1][1] = f32::INFINITY;
     }),
     ("position-1e30", |s| s.meshes[0].positions[1][1] = 1e30),
     ("normal-long", |s| {
-        s.meshes[0].normals = vec![[0.0, 2.0, 0.0]]
+        s.meshes[0].normals = vec![[0.0, 2.0, 0.0]];
     }),
     ("uv-nan", |s| s.meshes[0].uvs = vec![[f32::NAN, 0.0]]),
     ("ambient-negative", |s| s.shading.ambient[0] = -0.1),
@@ -43,10 +43,10 @@ const CHANGES: [(&str, Change); 26] = [
     ("specular-nan", |s| s.materials[0].specular[1] = f32::NAN),
     ("roughness-0", |s| s.materials[0].roughness = 0.0),
     ("object-names-alike", |s| {
-        s.objects[1].name = s.objects[0].name.clone()
+        s.objects[1].name = s.objects[0].name.clone();
     }),
     ("transform-singular", |s| {
-        s.objects[1].transform[0] = s.objects[1].transform[2]
+        s.objects[1].transform[0] = s.objects[1].transform[2];
     }),
     ("transform-nan", |s| s.objects[1].transform[0][3] = f32::NAN),
     ("crease-angle-181", |s| s.objects[1].crease_angle = 181.0),
@@ -114,7 +114,7 @@ const LENGTHS: [(&str, Change); 5] = [
         s.meshes[0].face_normals = vec![[0; 3]];
     }),
     ("face-materials-long", |s| {
-        s.meshes[0].face_materials = vec![0; 3]
+        s.meshes[0].face_materials = vec![0; 3];
     }),
     ("area-light-two-vertices", |s| {
         s.lights[0] = Light::Area {

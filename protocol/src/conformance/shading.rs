@@ -5,7 +5,8 @@ use super::judge::{self, EXACT, alike, diffuse, linear, reflected, seen};
 use super::peer::{Answer, Peer};
 use super::requests::{LOOK, ask_in_turns, look, look_with};
 use super::world::{
-    FURNACE, Hit, LEANING, QUADRANTS, REPEATS, Thing, V, camera, spread, unit, wide,
+    FURNACE, Hit, LEANING, QUADRANTS, REPEATS, Thing, V, add, camera, dot, scaled, spread, unit,
+    wide,
 };
 use super::{Bench, Checked};
 use crate::scene::{Light, Scene};
@@ -122,11 +123,10 @@ fn leaning(scene: &Scene, answer: &Answer, _: (V, V), hit: Option<&Hit>) -> Chec
     }
     // By the inverse transpose of the floor's transform, whose columns are at right angles.
     let m = &scene.objects[0].transform;
+    let columns = [0, 1, 2].map(|c| wide([m[0][c], m[1][c], m[2][c]]));
     let mut normal = [0.0; 3];
-    for c in 0..3 {
-        let column = wide([m[0][c], m[1][c], m[2][c]]);
-        let share = unit(LEANING)[c] / super::world::dot(column, column);
-        normal = super::world::add(normal, super::world::scaled(column, share));
+    for (column, share) in columns.into_iter().zip(unit(LEANING)) {
+        normal = add(normal, scaled(column, share / dot(column, column)));
     }
     match reflected(scene, hit, unit(normal)) {
         Some((radiance, _)) => alike(answer, radiance, 1e-3),
