@@ -4,7 +4,7 @@
     mitsuba_shader.py [options]
 
 %s
-    --spp N               paths averaged in a sample (default 1)
+    --spp N               paths averaged in a sample (default 4: what a request costs besides then weighs little)
     --depth N             most segments of a path from eye to light (default by the scene's model: direct 2, glossy 3, global 6)
     --portion N           samples traced together at most (default 16384)
     --threads N           threads that trace rays (default: one a processor)
@@ -76,7 +76,7 @@ class Shader:
 
     def __init__(self, paths, options):
         self.paths, self.portion = paths, options.get("portion") or 16384
-        self.spp, self.depth = options.get("spp") or 1, options.get("depth")
+        self.spp, self.depth = options.get("spp") or 4, options.get("depth")
         self.says = f"Mitsuba 3 path tracing, {self.spp} paths a sample"
 
     def build(self, tables):
