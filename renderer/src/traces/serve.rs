@@ -134,6 +134,7 @@ async fn attend(stream: TcpStream, answers: &Answers, real_time: bool) -> Served
         desk: Desk::new(answers),
         outgoing,
         queue: BTreeMap::new(),
+        patience: None,
         last: 0,
         real_time,
         traced: 0,
@@ -180,6 +181,8 @@ struct Counter<'a> {
     outgoing: Outgoing,
     /// What is to be sent, by when.
     queue: BTreeMap<(Instant, u64), Reply>,
+    /// Until when it may ask for nothing but what is not in the trace, once it does.
+    patience: Option<Instant>,
     last: u64,
     real_time: bool,
     traced: u64,
@@ -196,15 +199,16 @@ impl Counter<'_> {
             self.send_due().await?;
             let next = self.queue.keys().next().map(|(when, _)| *when);
             let stuck = !self.desk.held.is_empty() && self.desk.held.len() == self.session.held();
-            let patience = if stuck {
-                Some(Instant::now() + GRACE)
-            } else {
-                None
+            // A display that waits still sends pings.
+            self.patience = match self.patience {
+                _ if !stuck => None,
+                None => Some(Instant::now() + GRACE),
+                since => since,
             };
             let message = tokio::select! {
                 message = incoming.receive() => message?,
                 () = at(next) => continue,
-                () = at(patience) => return Ok(Some(self.stranger())),
+                () = at(self.patience) => return Ok(Some(self.stranger())),
             };
             let Some(message) = message else {
                 return Ok(None);

@@ -7,14 +7,19 @@
 
 mod bad_input;
 mod conformance;
+mod cuts;
 mod edits;
+mod fixtures;
 mod independent;
 mod lockstep;
+mod logs;
 mod many;
 mod mitsuba;
 mod no_display;
 mod python;
+mod recorded;
 mod references;
 mod servers;
 mod support;
+mod traces;
 mod window;
