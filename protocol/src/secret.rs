@@ -26,6 +26,8 @@ pub const MAGIC: [u8; 8] = *b"EP-AUTH1";
 
 const NONCE: usize = 32;
 const TAG: usize = 32;
+/// Tests do not wait so long.
+const PATIENCE: Duration = Duration::from_secs(if cfg!(test) { 2 } else { AUTH_TIMEOUT_S });
 
 type Nonce = [u8; NONCE];
 
@@ -205,7 +207,7 @@ fn nonce() -> Result<Nonce, SecretError> {
 }
 
 async fn in_time(work: impl Future<Output = Result<(), SecretError>>) -> Result<(), SecretError> {
-    tokio::time::timeout(Duration::from_secs(AUTH_TIMEOUT_S), work)
+    tokio::time::timeout(PATIENCE, work)
         .await
         .unwrap_or(Err(SecretError::TimedOut))
 }

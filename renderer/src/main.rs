@@ -16,6 +16,9 @@ use renderer::servers::Servers;
 use renderer::traces::{self, Recorded, Recording};
 use renderer::window::{self, WindowError};
 use scenes::LoadedScene;
+use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::layer::SubscriberExt as _;
+use tracing_subscriber::util::SubscriberInitExt as _;
 
 /// Exit code for input that cannot be used, as for a wrong command line.
 const BAD_INPUT: u8 = 2;
@@ -29,13 +32,20 @@ fn main() -> ExitCode {
         let name = OsString::from("shader-server");
         return shader_server::main_from_args(std::iter::once(name).chain(args));
     }
-    tracing_subscriber::fmt()
-        .with_env_filter(
-            tracing_subscriber::EnvFilter::try_from_default_env()
-                .unwrap_or_else(|_| "warn,winit=error".into()),
-        )
+    let wanted = std::env::var("RUST_LOG")
+        .ok()
+        .and_then(|text| text.parse().ok());
+    let filter = wanted.unwrap_or_else(|| {
+        Targets::new()
+            .with_default(LevelFilter::WARN)
+            .with_target("winit", LevelFilter::ERROR)
+    });
+    let layer = tracing_subscriber::fmt::layer()
         .with_writer(std::io::stderr)
-        .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()))
+        .with_ansi(std::io::IsTerminal::is_terminal(&std::io::stderr()));
+    tracing_subscriber::registry()
+        .with(layer)
+        .with(filter)
         .init();
     let result = match cli.command {
         Some(Command::Record(args)) => record(&args).map(|()| ExitCode::SUCCESS),
