@@ -34,6 +34,8 @@ use crate::{
 const GREETING: Duration = Duration::from_secs(AUTH_TIMEOUT_S);
 /// Time to write what is left when a connection ends.
 const FAREWELL: Duration = Duration::from_secs(2);
+/// A display that takes none of what is written for so long is gone.
+const STALL: Duration = Duration::from_secs(30);
 /// Between reports on how it goes.
 const REPORT: Duration = Duration::from_secs(1);
 
@@ -75,7 +77,7 @@ pub(super) async fn serve(
     shared: &Arc<Shared>,
     stream: TcpStream,
     address: SocketAddr,
-    guest: Option<Guest>,
+    mut guest: Option<Guest>,
 ) {
     let held = shared.cache.snapshot();
     let digests = held.iter().map(|(digest, _)| *digest).collect();
@@ -99,7 +101,7 @@ pub(super) async fn serve(
     let writing = write(Arc::clone(&desk), outgoing);
     tokio::pin!(writing);
     let end = tokio::select! {
-        end = connection.read(&mut incoming, guest) => end,
+        end = connection.read(&mut incoming, &mut guest) => end,
         () = &mut writing => return,
     };
     match end {
@@ -125,7 +127,7 @@ impl Drop for Closer {
     }
 }
 
-/// Writes until nothing will come any more or the display is gone.
+/// Writes until nothing will come any more or the display is gone, or takes nothing for too long.
 async fn write(desk: Arc<Desk>, mut outgoing: Outgoing) {
     let mut reports = interval(REPORT);
     reports.set_missed_tick_behavior(MissedTickBehavior::Delay);
@@ -138,20 +140,27 @@ async fn write(desk: Arc<Desk>, mut outgoing: Outgoing) {
             continue;
         }
         for message in &messages {
-            if let Err(error) = outgoing.feed(message).await {
+            if let Err(error) = in_time(outgoing.feed(message)).await {
                 tracing::debug!("cannot write: {error}");
                 return;
             }
         }
-        if outgoing.flush().await.is_err() {
+        if let Err(error) = in_time(outgoing.flush()).await {
+            tracing::debug!("cannot write: {error}");
             return;
         }
     }
     let _ = outgoing.close().await;
 }
 
+async fn in_time(writing: impl Future<Output = Result<(), FrameError>>) -> Result<(), FrameError> {
+    timeout(STALL, writing)
+        .await
+        .unwrap_or_else(|_| Err(std::io::Error::from(std::io::ErrorKind::TimedOut).into()))
+}
+
 impl Connection {
-    async fn read(&self, incoming: &mut Incoming, guest: Option<Guest>) -> End {
+    async fn read(&self, incoming: &mut Incoming, guest: &mut Option<Guest>) -> End {
         let Ok(first) = timeout(GREETING, incoming.receive()).await else {
             let text = format!("no Hello within {} s", GREETING.as_secs());
             return Violation::new(FaultCode::OutOfOrder, text).into();
@@ -159,7 +168,11 @@ impl Connection {
         // Held for as long as one of so many displays is served.
         let _place = if matches!(first, Ok(Some(ToServer::Hello { .. }))) {
             match Arc::clone(&self.shared.places).try_acquire_owned() {
-                Ok(place) => Some(place),
+                Ok(place) => {
+                    // Whoever says something else stays a guest until it is gone.
+                    *guest = None;
+                    Some(place)
+                }
                 Err(_) => {
                     let text = format!("this server works for {MAX_DISPLAYS} displays already");
                     return Violation::new(FaultCode::Limit, text).into();
@@ -168,7 +181,6 @@ impl Connection {
         } else {
             None
         };
-        drop(guest);
         incoming.set_longest(MAX_FRAME);
         let mut waiting = VecDeque::new();
         let mut next = first;
@@ -202,10 +214,13 @@ impl Connection {
         let work = self.take(message);
         tokio::pin!(work);
         loop {
+            // The answers to pings that a display does not read must not pile up either.
+            let full = self.desk.is_full();
             let next = tokio::select! {
                 biased;
                 done = &mut work => return done,
-                next = incoming.receive(), if waiting.len() < MOST_WAITING => next?,
+                () = self.desk.room.notified(), if full => continue,
+                next = incoming.receive(), if waiting.len() < MOST_WAITING && !full => next?,
             };
             match next {
                 Some(message @ ToServer::Ping { .. }) => self.take(message).await?,
@@ -352,7 +367,10 @@ impl Connection {
     ) -> Result<T, End> {
         let (give, take) = oneshot::channel();
         self.shared.pool.spawn_fifo(move || {
-            // Nobody waits any more if the display has left.
+            // Of displays that come, send and leave at once, nothing may wait for its turn for nothing.
+            if give.is_closed() {
+                return;
+            }
             let _ = std::panic::catch_unwind(std::panic::AssertUnwindSafe(work))
                 .map(|value| give.send(value));
         });

@@ -30,6 +30,9 @@ use crate::{
 const CHUNK: usize = 64;
 const SMALL_CHUNK: usize = 8;
 
+/// Shadows told in an epoch; of more, displays keep no account.
+const MOST_TRIPLES: usize = 1 << 20;
+
 /// Messages that may wait to be written before chunks are held back.
 const ROOM: usize = 64;
 
@@ -382,9 +385,9 @@ impl State {
             .retain(|textured| self.rules.release(textured.sample.id));
         // Before the samples whose tracing met them.
         if self.current.as_ref().is_some_and(|now| now.epoch == epoch) {
-            traced
-                .triples
-                .retain(|triple| self.triples_sent.insert(*triple));
+            traced.triples.retain(|triple| {
+                self.triples_sent.len() < MOST_TRIPLES && self.triples_sent.insert(*triple)
+            });
             if !traced.triples.is_empty() {
                 self.outgoing.push_back(ToDisplay::Triples {
                     epoch,
