@@ -59,6 +59,10 @@ pub const MAX_TEXTURES: usize = 4096;
 /// Most meshes in a scene, and most objects.
 pub const MAX_OBJECTS: usize = 1 << 20;
 
+/// Most messages that answer nothing (`Status`, `Triples` and `Shadows`) that a server may send on top of one a sample,
+/// until it answers a `Ping`; a message counts once, and once more for each 256 triples or lights in it.
+pub const MAX_UNASKED: usize = 8192;
+
 /// Heartbeat: a `Ping` that is not answered for this long means that the peer is gone, seconds.
 pub const PING_TIMEOUT_S: u64 = 10;
 /// Both sides have so long to prove that they know the secret, and a display to send its first message, seconds.

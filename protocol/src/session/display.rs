@@ -4,6 +4,7 @@ use std::collections::HashMap;
 
 use super::Violation;
 use crate::handshake::accept_version;
+use crate::limits::MAX_UNASKED;
 use crate::messages::{
     Capabilities, Digest, FaultCode, LightShadows, SHADOWS_VERSION, Sample, SampleRequest,
     TEXTURED_VERSION, TexturedSample, ToDisplay, Triple, flags,
@@ -95,6 +96,7 @@ pub struct DisplaySession {
     outstanding: HashMap<u64, Outstanding>,
     taken: Vec<Outstanding>,
     tokens: Vec<u64>,
+    unasked: usize,
 }
 
 impl DisplaySession {
@@ -114,6 +116,7 @@ impl DisplaySession {
             outstanding: HashMap::new(),
             taken: Vec::new(),
             tokens: Vec::new(),
+            unasked: 0,
         }
     }
 
@@ -228,6 +231,7 @@ impl DisplaySession {
         if self.phase == Phase::Greeting {
             return Err(out_of_order("the first message is not Welcome"));
         }
+        self.count_unasked(message)?;
         match message {
             ToDisplay::SceneReady { digest } => {
                 self.expect(Phase::Scene, "SceneReady")?;
@@ -283,6 +287,7 @@ impl DisplaySession {
                 let place = self.tokens.iter().position(|t| t == token);
                 let place = place.ok_or_else(|| value("Pong answers no Ping"))?;
                 self.tokens.swap_remove(place);
+                self.unasked = 0;
                 Ok(DisplayEvent::Pong { token: *token })
             }
             ToDisplay::Welcome { .. } | ToDisplay::Fault { .. } => {
@@ -297,6 +302,22 @@ impl DisplaySession {
         } else {
             Err(out_of_order(format!("{what} has no place here")))
         }
+    }
+
+    /// A server that talks without end would cost the display its time, although each message is good.
+    fn count_unasked(&mut self, message: &ToDisplay) -> Result<(), Violation> {
+        let items = match message {
+            ToDisplay::Status { .. } => 0,
+            ToDisplay::Triples { triples, .. } => triples.len(),
+            ToDisplay::Shadows { lights } => lights.len(),
+            _ => return Ok(()),
+        };
+        self.unasked += 1 + items / 256;
+        if self.unasked > MAX_UNASKED {
+            let text = format!("more than {MAX_UNASKED} messages answer nothing");
+            return Err(Violation::new(FaultCode::Limit, text));
+        }
+        Ok(())
     }
 
     fn check_epoch(&self, epoch: u32) -> Result<(), Violation> {
@@ -337,6 +358,7 @@ impl DisplaySession {
             }
             self.taken.extend(self.outstanding.remove(&sample.id));
         }
+        self.unasked = self.unasked.saturating_sub(self.taken.len());
         Ok(())
     }
 

@@ -1,5 +1,6 @@
 use super::*;
 use crate::handshake::hello;
+use crate::limits::MAX_UNASKED;
 use crate::messages::{
     Camera, Capabilities, LightShadows, Sample, SampleRequest, ShadowMethod, Texel, TexturedSample,
     Triple, VERSION,
@@ -467,4 +468,26 @@ fn methods_are_told_of_lights_that_there_are() {
     );
     let (mut display, _) = ready_in(&scene(), 2);
     assert!(display.receive(&told(0)).is_err(), "version 2 has none");
+}
+
+#[test]
+fn servers_that_talk_without_end_are_found() {
+    let (mut display, _) = ready();
+    let status = ToDisplay::Status {
+        queued: 0,
+        traced: 0,
+        rays: 0,
+        cancelled_before: 0,
+    };
+    let talk = |display: &mut DisplaySession, count| {
+        (0..count).try_for_each(|_| display.receive(&status).map(|_| ()))
+    };
+    talk(&mut display, MAX_UNASKED).unwrap();
+    display.requested(1, &[request(1)]);
+    display.receive(&samples(1, &[1])).unwrap();
+    talk(&mut display, 1).unwrap();
+    display.pinged(5);
+    display.receive(&ToDisplay::Pong { token: 5 }).unwrap();
+    talk(&mut display, MAX_UNASKED).unwrap();
+    assert_eq!(code(talk(&mut display, 1)), FaultCode::Limit);
 }
