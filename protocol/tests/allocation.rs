@@ -13,7 +13,7 @@ use protocol::{ToDisplay, ToServer};
 const MIB: usize = 1 << 20;
 const HUGE: [u64; 5] = [1 << 20, 1 << 31, 1 << 32, 1 << 60, u64::MAX];
 
-/// One test, so that no other runs while memory is counted.
+/// Lengths that claim more than there is, in messages, scenes and announcements.
 #[test]
 fn claims_do_not_allocate() {
     for claim in HUGE {

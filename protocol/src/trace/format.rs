@@ -235,7 +235,7 @@ pub(super) fn take(checked: &[u8], payload: Bytes) -> Option<Entry> {
     let connection = u32::from_le_bytes(*connection);
     let number = || Some(u32::from_le_bytes(payload[..].try_into().ok()?));
     let event = match u32::from_le_bytes(*kind) {
-        kind::SCENE => Event::Scene(payload),
+        kind::SCENE if connection == 0 => Event::Scene(payload),
         kind::OPENED => Event::Opened {
             connection,
             server: number()?,
@@ -260,8 +260,8 @@ pub(super) fn take(checked: &[u8], payload: Bytes) -> Option<Entry> {
             connection,
             why: std::str::from_utf8(&payload).ok()?.to_owned(),
         },
-        kind::STEP => Event::Step(decode(&payload).ok()?),
-        kind::END => Event::End { frames: number()? },
+        kind::STEP if connection == 0 => Event::Step(decode(&payload).ok()?),
+        kind::END if connection == 0 => Event::End { frames: number()? },
         _ => return None,
     };
     Some(Entry {
