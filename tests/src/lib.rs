@@ -13,3 +13,4 @@ pub mod report;
 pub mod scaling;
 pub mod shadow_accuracy;
 pub mod shadow_speed;
+pub mod soak;
