@@ -154,6 +154,36 @@ impl Running {
     pub(crate) fn is_running(&mut self) -> bool {
         self.child.try_wait().unwrap().is_none()
     }
+
+    /// Its process id.
+    pub(crate) fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Waits for the end, as [`Self::finish`]; gives the most memory that was seen in use too, KiB.
+    #[track_caller]
+    pub(crate) fn finish_with_peak(mut self) -> (Outcome, u64) {
+        let mut peak = 0;
+        while self.is_running() && self.start.elapsed() < LIMIT {
+            peak = peak.max(peak_kib(self.id()));
+            sleep(Duration::from_millis(5));
+        }
+        (self.finish(), peak)
+    }
+}
+
+/// Most memory that a process ever had in use, KiB; 0 for one that has ended.
+pub(crate) fn peak_kib(process: u32) -> u64 {
+    let status = fs::read_to_string(format!("/proc/{process}/status")).unwrap_or_default();
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    line.map_or(0, |text| {
+        text.trim().trim_end_matches(" kB").parse().unwrap()
+    })
+}
+
+/// Files and sockets that a process has open.
+pub(crate) fn open_files(process: u32) -> usize {
+    fs::read_dir(format!("/proc/{process}/fd")).unwrap().count()
 }
 
 impl Drop for Running {
@@ -177,8 +207,13 @@ pub(crate) struct ShaderServer {
 
 impl ShaderServer {
     pub(crate) fn start() -> Self {
+        Self::start_at("127.0.0.1:0")
+    }
+
+    /// One that listens there.
+    pub(crate) fn start_at(address: &str) -> Self {
         let mut child = Command::new(&binaries().shader_server)
-            .args(["--listen", "127.0.0.1:0", "--threads", "1"])
+            .args(["--listen", address, "--threads", "1"])
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
@@ -198,6 +233,16 @@ impl ShaderServer {
             address: address.to_owned(),
             child,
         }
+    }
+
+    /// Its process id.
+    pub(crate) fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Whether it has not ended yet.
+    pub(crate) fn is_running(&mut self) -> bool {
+        self.child.try_wait().unwrap().is_none()
     }
 
     /// Ends the process as a crash would.
