@@ -28,13 +28,16 @@ fn render(scene: &Path, out: &Path, servers: &[&str]) -> Vec<(String, Vec<u8>)> 
     frames(out)
 }
 
+/// How much of a frame of this length is sent, bytes.
+type Cut = fn(usize) -> usize;
+
 #[test]
 fn nothing_of_half_a_message_is_used() {
     let (folder, scene) = small_scene();
     let honest = ShaderServer::start();
     let alone = render(&scene, &folder.path().join("alone"), &[&honest.address]);
     // All but the last byte; half; the header; half of the header.
-    let cuts: [(&str, fn(usize) -> usize); 4] = [
+    let cuts: [(&str, Cut); 4] = [
         ("a", |n| n - 1),
         ("b", |n| n / 2),
         ("c", |_| 4),

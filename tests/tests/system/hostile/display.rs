@@ -72,7 +72,7 @@ fn bad_samples() -> Vec<Case> {
         }),
         sample("a direction that is none", |s| s.position = [0.0; 3]),
         sample("an object past the table", |s| {
-            (s.flags, s.object) = (0, 99)
+            (s.flags, s.object) = (0, 99);
         }),
         sample("a light past the table", |s| {
             (s.flags, s.object) = (flags::LIGHT, 99);
