@@ -26,8 +26,10 @@ use crate::traces::Recorder;
 
 /// First pause before a server is tried again; it doubles with each failure.
 const FIRST_PAUSE: Duration = Duration::from_millis(50);
-/// Longest pause: a server that comes back is fed within a second.
-const LONGEST_PAUSE: Duration = Duration::from_millis(500);
+/// Longest pause before an address is tried: a server that comes back is fed within a second.
+const LONGEST_PAUSE: Duration = Duration::from_millis(250);
+/// Longest pause before a program that ends again and again is started: each start costs more than an attempt to connect.
+const LONGEST_PAUSE_TO_START: Duration = Duration::from_secs(2);
 /// A server that lasted so long has not failed before.
 const HEALTHY: Duration = Duration::from_secs(10);
 
@@ -162,6 +164,14 @@ impl Target {
         }
     }
 
+    /// Longest pause before it is tried again.
+    fn longest_pause(&self) -> Duration {
+        match self {
+            Self::Address { .. } => LONGEST_PAUSE,
+            Self::Program { .. } => LONGEST_PAUSE_TO_START,
+        }
+    }
+
     /// Whether it is still wanted after a failure.
     fn is_wanted(&self) -> bool {
         match self {
@@ -209,7 +219,7 @@ pub(super) async fn supervise(server: usize, target: Target, shared: Arc<Shared>
             break;
         }
         tokio::select! {
-            () = tokio::time::sleep(pause(failures)) => {}
+            () = tokio::time::sleep(pause(failures, target.longest_pause())) => {}
             () = shared.closed() => {}
         }
     }
@@ -217,11 +227,9 @@ pub(super) async fn supervise(server: usize, target: Target, shared: Arc<Shared>
     shared.changed.notify_all();
 }
 
-fn pause(failures: u32) -> Duration {
+fn pause(failures: u32, longest: Duration) -> Duration {
     let doublings = failures.saturating_sub(1).min(16);
-    FIRST_PAUSE
-        .saturating_mul(1 << doublings)
-        .min(LONGEST_PAUSE)
+    FIRST_PAUSE.saturating_mul(1 << doublings).min(longest)
 }
 
 async fn attempt(server: usize, target: &Target, shared: &Shared) -> Result<End, ServerError> {
@@ -285,10 +293,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn pauses_double_up_to_half_a_second() {
-        let millis: Vec<_> = [1, 2, 3, 4, 5, 40, u32::MAX]
-            .map(|n| pause(n).as_millis())
+    fn pauses_double_up_to_a_bound() {
+        let millis: Vec<_> = [1, 2, 3, 4, 40, u32::MAX]
+            .map(|n| pause(n, LONGEST_PAUSE).as_millis())
             .into();
-        assert_eq!(millis, [50, 100, 200, 400, 500, 500, 500]);
+        assert_eq!(millis, [50, 100, 200, 250, 250, 250]);
     }
 }
