@@ -18,7 +18,7 @@ fn samples_of_an_older_epoch_never_enter() {
     let server = ShaderServer::start();
     let late = Proxy::start(&server.address, Fate::Late(Duration::from_millis(3)));
     let args = format!(
-        "--path push --fps 1200 --frames 400 --write none --connect {}",
+        "--path push --fps 600 --frames 1000 --write none --connect {}",
         late.address
     );
     let trace = place.record("late", &args);
