@@ -8,9 +8,9 @@ use system_tests::metrics::{self, temporal::ghost_share};
 use system_tests::picture::Picture;
 use system_tests::report::stats;
 
-use crate::support::{ShaderServer, frames, render_args, renderer, small_scene};
+use crate::support::{ALL_MOVE, ShaderServer, frames, render_args, renderer, small_scene};
 
-/// The cube is pushed aside for ten frames and stays there; with the lamp, or the camera, moving too.
+/// The cube is pushed aside for ten frames and stays there; the lamp is turned down.
 const PATHS: &str = "
 [[path]]
 name = 'push'
@@ -18,24 +18,6 @@ object = 'cube'
 seconds = 0.33333
 open = true
 keys = [{}, { translate = [1.5, 0, 1] }]
-
-[[path]]
-name = 'all'
-object = 'cube'
-seconds = 1
-keys = [{}, { translate = [1.5, 0.5, 1], rotate = [0, 40, 10] }]
-
-[[path]]
-name = 'all'
-light = 0
-seconds = 1
-keys = [{}, { translate = [1, 0, 2], power = 0.5 }]
-
-[[path]]
-name = 'all'
-seconds = 4
-open = true
-keys = [{ eye = [0, 3, 8], target = [0, 1, 0] }, { eye = [3, 3, 7], target = [0, 1, 0] }]
 
 [[path]]
 name = 'off'
@@ -55,7 +37,7 @@ struct Scenes {
 fn scenes() -> Scenes {
     let (folder, moving) = small_scene();
     let text = fs::read_to_string(&moving).unwrap();
-    fs::write(&moving, text.clone() + PATHS).unwrap();
+    fs::write(&moving, text.clone() + PATHS + ALL_MOVE).unwrap();
     let there = "mesh = \"cube.obj\"\n";
     assert!(text.contains(there));
     let pushed = folder.path().join("pushed.toml");

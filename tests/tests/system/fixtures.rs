@@ -1,7 +1,7 @@
 //! Small traces of real sessions, in `tests/traces`: replayed, served and played as they are.
 //!
-//! `cargo test --release -p system-tests --test system -- --ignored record_the_fixtures` records them anew, which is only
-//! needed when the format changes, or the display says other things.
+//! `UPDATE_FIXTURES=1 cargo test --release -p system-tests --test system sessions_like_them_are_recorded` records them anew,
+//! which is only needed when the format changes, or the display says other things.
 
 use std::path::PathBuf;
 use std::time::Duration;
@@ -22,9 +22,10 @@ fn fixture(name: &str) -> PathBuf {
     places::checkout().join(format!("tests/traces/{name}.trace"))
 }
 
+/// Without `UPDATE_FIXTURES` what is recorded is drawn again and forgotten.
 #[test]
-#[ignore = "records the fixtures anew"]
-fn record_the_fixtures() {
+fn sessions_like_them_are_recorded() {
+    let keep = std::env::var_os("UPDATE_FIXTURES").is_some();
     let servers = [ShaderServer::start(), ShaderServer::start()];
     let [a, b] = servers.each_ref().map(|s| s.address.as_str());
     let cut = Proxy::start(a, Fate::CutAfter(9000)).address;
@@ -35,9 +36,15 @@ fn record_the_fixtures() {
         // Where it was recorded is of no use to anybody.
         let folder = format!("{}/", text(place.folder.path()));
         header.options = header.options.replace(&folder, "");
-        write(&fixture(name), &header, &entries);
+        let trace = if keep {
+            fixture(name)
+        } else {
+            place.at("fixture.trace")
+        };
+        write(&trace, &header, &entries);
+        let redrawn = redraw(&trace, &place.at("again"), &[]).unwrap();
+        assert!(redrawn.differing.is_empty(), "{name}");
     };
-    std::fs::create_dir_all(fixture("move").parent().unwrap()).unwrap();
     record(
         "move",
         &format!("--path around --frames 16 --lockstep --connect {a}"),

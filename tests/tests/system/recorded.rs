@@ -13,34 +13,16 @@ use renderer::cli::{Cli, Command, ReplayArgs};
 use renderer::traces::{Redrawn, ReplayError, draw};
 use tempfile::TempDir;
 
-use crate::support::{Outcome, frames, renderer, small_scene};
+use crate::support::{ALL_MOVE, Outcome, frames, renderer, small_scene};
 
-/// The cube is pushed aside and stays there; or cube, lamp and camera move.
-const PATHS: &str = "
+/// The cube is pushed aside and stays there.
+const PUSH: &str = "
 [[path]]
 name = 'push'
 object = 'cube'
 seconds = 0.26666
 open = true
 keys = [{}, { translate = [1.5, 0, 1] }]
-
-[[path]]
-name = 'all'
-object = 'cube'
-seconds = 1
-keys = [{}, { translate = [1.5, 0.5, 1], rotate = [0, 40, 10] }]
-
-[[path]]
-name = 'all'
-light = 0
-seconds = 1
-keys = [{}, { translate = [1, 0, 2], power = 0.5 }]
-
-[[path]]
-name = 'all'
-seconds = 4
-open = true
-keys = [{ eye = [0, 3, 8], target = [0, 1, 0] }, { eye = [3, 3, 7], target = [0, 1, 0] }]
 ";
 
 /// A folder with a scene of things that move.
@@ -53,7 +35,7 @@ impl Place {
     pub(crate) fn new() -> Self {
         let (folder, scene) = small_scene();
         let text = std::fs::read_to_string(&scene).unwrap();
-        std::fs::write(&scene, text + PATHS).unwrap();
+        std::fs::write(&scene, text + PUSH + ALL_MOVE).unwrap();
         Self { folder, scene }
     }
 

@@ -303,6 +303,27 @@ keys = [
 ]
 "#;
 
+/// Paths of cube, lamp and camera of one name, to be added to [`small_scene`]'s file.
+pub(crate) const ALL_MOVE: &str = "
+[[path]]
+name = 'all'
+object = 'cube'
+seconds = 1
+keys = [{}, { translate = [1.5, 0.5, 1], rotate = [0, 40, 10] }]
+
+[[path]]
+name = 'all'
+light = 0
+seconds = 1
+keys = [{}, { translate = [1, 0, 2], power = 0.5 }]
+
+[[path]]
+name = 'all'
+seconds = 4
+open = true
+keys = [{ eye = [0, 3, 8], target = [0, 1, 0] }, { eye = [3, 3, 7], target = [0, 1, 0] }]
+";
+
 /// A fresh folder with a cube on a floor under an area light, and its scene file.
 pub(crate) fn small_scene() -> (TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
